@@ -1,0 +1,3 @@
+//! chladni: verified Laplace–Beltrami eigenpairs of triangle meshes.
+
+pub mod mesh;

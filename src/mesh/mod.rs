@@ -1,0 +1,12 @@
+//! Triangle meshes: reading, repairing, measuring and naming them by content.
+//!
+//! - [`trimesh`]: the canonical, validated mesh that all other folders work on
+//! - [`hash`]: its content hash
+//! - [`sample`]: surfaces with known spectra
+
+pub mod hash;
+pub mod sample;
+pub mod trimesh;
+
+pub use hash::MeshHash;
+pub use trimesh::{Area, TriMesh};
