@@ -1,3 +1,5 @@
 //! chladni: verified Laplace–Beltrami eigenpairs of triangle meshes.
 
 pub mod mesh;
+pub mod operators;
+pub mod spectrum;

@@ -1,0 +1,157 @@
+//! Eigenvalues with their eigenvectors, and the rules that make them the same on every run.
+
+use super::Dense;
+use super::cluster::clusters;
+use super::pencil::{column, column_mut, combine, quadratic};
+use crate::operators::Sparse;
+
+/// K eigenpairs of (8): ascending values in 1/(input unit)² and B-orthonormal vectors, n×K.
+#[derive(Debug, Clone)]
+pub struct Eigenpairs {
+    /// λ₁ ≤ … ≤ λ_K.
+    pub values: Vec<f64>,
+    /// φ₁ … φ_K, one a column.
+    pub vectors: Dense,
+}
+
+/// Eigenvalues closer than this (relative) are one eigenvalue to working precision: their vectors are
+/// an arbitrary basis until [`Eigenpairs::canonical`] fixes it.
+const NUMERICAL_CLUSTER: f64 = 1e-8;
+
+/// Entries within this of the largest magnitude tie; the lowest index wins.
+const SIGN_TIE: f64 = 1e-6;
+
+impl Eigenpairs {
+    /// The number of pairs.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Whether there is no pair.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The first `k` pairs.
+    pub fn truncated(&self, k: usize) -> Self {
+        Self {
+            values: self.values[..k].to_vec(),
+            vectors: self.vectors.subcols(0, k).to_owned(),
+        }
+    }
+
+    /// Fixes what the eigenproblem leaves open.
+    ///
+    /// Inside a numerical cluster the basis is the one of a pivoted QR of the rows: the first vector is the
+    /// cluster's projection of the vertex where the cluster is largest, the second that of the vertex where the
+    /// rest is largest, and so on. Then every vector gets the sign of [`orient`].
+    pub fn canonical(mut self) -> Self {
+        for run in clusters(&self.values, NUMERICAL_CLUSTER) {
+            if run.len() > 1 {
+                let block = self.vectors.subcols(run.start, run.len()).to_owned();
+                let rotated = combine(&block, &pivoted_basis(&block));
+                self.vectors
+                    .subcols_mut(run.start, run.len())
+                    .copy_from(rotated);
+            }
+        }
+        for j in 0..self.len() {
+            orient(column_mut(&mut self.vectors, j));
+        }
+        self
+    }
+}
+
+/// Makes the entry of largest magnitude positive; ties within 1e-6 are decided by the lowest index.
+pub fn orient(x: &mut [f64]) {
+    let largest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let first = x.iter().find(|v| v.abs() >= largest * (1.0 - SIGN_TIE));
+    if first.is_some_and(|&v| v < 0.0) {
+        x.iter_mut().for_each(|v| *v = -*v);
+    }
+}
+
+/// Scales `x` to xᵀBx = 1.
+pub fn normalise(x: &mut [f64], mass: &Sparse) {
+    let scale = quadratic(mass, x).sqrt().recip();
+    x.iter_mut().for_each(|v| *v *= scale);
+}
+
+/// An orthogonal m×m matrix that depends on the span of the m columns of `block` alone.
+fn pivoted_basis(block: &Dense) -> Dense {
+    let m = block.ncols();
+    let mut rotation = Dense::zeros(m, 0);
+    let mut rest = block.clone();
+    for _ in 0..m {
+        let norms: Vec<f64> = (0..rest.nrows())
+            .map(|i| (0..m).map(|j| rest[(i, j)] * rest[(i, j)]).sum())
+            .collect();
+        let largest = norms.iter().fold(0.0_f64, |a, &b| a.max(b));
+        let pivot = norms
+            .iter()
+            .position(|&v| v >= largest * (1.0 - SIGN_TIE))
+            .unwrap_or(0);
+        let length = norms[pivot].sqrt().max(f64::MIN_POSITIVE);
+        let mut direction = Dense::from_fn(m, 1, |j, _| rest[(pivot, j)] / length);
+        // Once more against what is there already: the pivots shrink, rounding does not.
+        for k in 0..rotation.ncols() {
+            let c: f64 = (0..m).map(|j| rotation[(j, k)] * direction[(j, 0)]).sum();
+            (0..m).for_each(|j| direction[(j, 0)] -= c * rotation[(j, k)]);
+        }
+        let length = column(&direction, 0)
+            .iter()
+            .map(|v| v * v)
+            .sum::<f64>()
+            .sqrt();
+        (0..m).for_each(|j| direction[(j, 0)] /= length);
+        let along = combine(&rest, &direction);
+        for j in 0..m {
+            let d = direction[(j, 0)];
+            for i in 0..rest.nrows() {
+                rest[(i, j)] -= along[(i, 0)] * d;
+            }
+        }
+        rotation = Dense::from_fn(m, rotation.ncols() + 1, |i, j| {
+            if j < rotation.ncols() {
+                rotation[(i, j)]
+            } else {
+                direction[(i, 0)]
+            }
+        });
+    }
+    rotation
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sign_ties_go_to_the_lowest_index() {
+        let mut x = [-1.0, 1.0 + 1e-9, 0.5];
+        orient(&mut x);
+        assert_eq!(x[0], 1.0);
+    }
+
+    #[test]
+    fn the_basis_of_a_cluster_does_not_depend_on_the_one_given() {
+        let n = 7;
+        let base = Dense::from_fn(n, 2, |i, j| {
+            ((i * (j + 1)) as f64 * 1.3 + j as f64).sin() + 0.1 * i as f64
+        });
+        let qr = base.qr().compute_thin_Q();
+        let (s, c) = 0.7_f64.sin_cos();
+        let turn = Dense::from_fn(2, 2, |i, j| [[c, -s], [s, c]][i][j]);
+        let pairs = |vectors| Eigenpairs {
+            values: vec![3.0, 3.0],
+            vectors,
+        };
+        let a = pairs(qr.clone()).canonical();
+        let b = pairs(combine(&qr, &turn)).canonical();
+        for i in 0..n {
+            for j in 0..2 {
+                assert!((a.vectors[(i, j)] - b.vectors[(i, j)]).abs() < 1e-12);
+            }
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! The exact number of eigenvalues below a shift, by Sylvester's law of inertia.
+
+use super::SpectrumError;
+use super::factor::Analysis;
+
+/// The relative perturbation of σ that must not change the count.
+const ROBUSTNESS: f64 = 1e-6;
+
+/// Counts the eigenvalues of (8) below σ: the negative pivots of an unregularised LDLᵀ of L − σB.
+///
+/// Returns `None` when the counts at σ(1 ± 1e-6) differ, that is, when σ sits on an eigenvalue and the count
+/// cannot be trusted.
+///
+/// # Errors
+/// [`SpectrumError::Breakdown`] when a pivot vanishes.
+pub fn count_below(analysis: &Analysis<'_>, sigma: f64) -> Result<Option<usize>, SpectrumError> {
+    let count = |sigma: f64| -> Result<usize, SpectrumError> {
+        Ok(analysis
+            .ldlt_diagonal(sigma)?
+            .iter()
+            .filter(|&&d| d < 0.0)
+            .count())
+    };
+    let (below, above) = (
+        count(sigma * (1.0 - ROBUSTNESS))?,
+        count(sigma * (1.0 + ROBUSTNESS))?,
+    );
+    Ok((below == above).then_some(below))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::sample::icosphere;
+    use crate::operators::{MassKind, Operators};
+    use crate::spectrum::Pencil;
+
+    #[test]
+    fn the_sphere_has_l_plus_one_squared_eigenvalues_up_to_degree_l() {
+        for levels in [2, 4] {
+            let operators = Operators::assemble(&icosphere(levels), MassKind::Lumped);
+            let analysis = Analysis::new(Pencil::from(&operators)).unwrap();
+            for l in 0..4_usize {
+                // Halfway between l(l+1) and (l+1)(l+2).
+                let sigma = ((l + 1) * (l + 1)) as f64;
+                assert_eq!(
+                    count_below(&analysis, sigma).unwrap(),
+                    Some((l + 1) * (l + 1))
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! The pair (L, B) of the generalised eigenproblem (8), and its products with blocks of vectors.
+
+use faer::{Accum, Par, linalg::matmul::matmul};
+
+use super::Dense;
+use crate::operators::{Operators, Sparse};
+
+/// The symmetric pencil (L, B): L positive semi-definite, B positive definite, both n×n.
+#[derive(Debug, Clone, Copy)]
+pub struct Pencil<'a> {
+    /// The stiffness L.
+    pub stiffness: &'a Sparse,
+    /// The mass B.
+    pub mass: &'a Sparse,
+}
+
+impl<'a> From<&'a Operators> for Pencil<'a> {
+    fn from(operators: &'a Operators) -> Self {
+        Self {
+            stiffness: &operators.stiffness,
+            mass: &operators.mass,
+        }
+    }
+}
+
+impl Pencil<'_> {
+    /// The number of rows.
+    pub fn n(&self) -> usize {
+        self.stiffness.rows()
+    }
+
+    /// The area: 1ᵀB1. The scale that every shift and tolerance is relative to.
+    pub fn area(&self) -> f64 {
+        self.mass.data().iter().sum()
+    }
+
+    /// The Rayleigh quotient (13) of one vector.
+    pub fn rayleigh_quotient(&self, x: &[f64]) -> f64 {
+        quadratic(self.stiffness, x) / quadratic(self.mass, x)
+    }
+
+    /// (XᵀLX, XᵀBX) for a block X, each k×k and exactly symmetric.
+    pub fn projected(&self, x: &Dense) -> (Dense, Dense) {
+        (projection(self.stiffness, x), projection(self.mass, x))
+    }
+}
+
+/// A · X for a block of columns.
+pub fn product(a: &Sparse, x: &Dense) -> Dense {
+    let mut y = Dense::zeros(a.rows(), x.ncols());
+    for j in 0..x.ncols() {
+        apply(a, column(x, j), column_mut(&mut y, j));
+    }
+    y
+}
+
+/// y = A x.
+pub fn apply(a: &Sparse, x: &[f64], y: &mut [f64]) {
+    let (indices, data) = (a.indices(), a.data());
+    let indptr = a.indptr();
+    for (row, y) in y.iter_mut().enumerate() {
+        let range = indptr.outer_inds_sz(row);
+        *y = indices[range.clone()]
+            .iter()
+            .zip(&data[range])
+            .map(|(&j, v)| v * x[j])
+            .sum();
+    }
+}
+
+/// xᵀAx.
+pub fn quadratic(a: &Sparse, x: &[f64]) -> f64 {
+    a.outer_iterator()
+        .zip(x)
+        .map(|(row, xi)| xi * row.iter().map(|(j, v)| v * x[j]).sum::<f64>())
+        .sum()
+}
+
+/// XᵀAX for symmetric A, made exactly symmetric.
+pub fn projection(a: &Sparse, x: &Dense) -> Dense {
+    let mut p = inner(x, &product(a, x));
+    for j in 0..p.ncols() {
+        for i in 0..j {
+            let mean = 0.5 * (p[(i, j)] + p[(j, i)]);
+            p[(i, j)] = mean;
+            p[(j, i)] = mean;
+        }
+    }
+    p
+}
+
+/// XᵀY.
+pub fn inner(x: &Dense, y: &Dense) -> Dense {
+    let mut p = Dense::zeros(x.ncols(), y.ncols());
+    matmul(
+        p.as_mut(),
+        Accum::Replace,
+        x.transpose(),
+        y.as_ref(),
+        1.0,
+        Par::Seq,
+    );
+    p
+}
+
+/// X C.
+pub fn combine(x: &Dense, c: &Dense) -> Dense {
+    let mut y = Dense::zeros(x.nrows(), c.ncols());
+    matmul(
+        y.as_mut(),
+        Accum::Replace,
+        x.as_ref(),
+        c.as_ref(),
+        1.0,
+        Par::Seq,
+    );
+    y
+}
+
+/// X ← X − Φ (ΦᵀB) X for a B-orthonormal Φ whose BΦ is given: the projection P of section IV.
+pub fn project_out(x: &mut Dense, phi: &Dense, b_phi: &Dense) {
+    if phi.ncols() == 0 {
+        return;
+    }
+    let coefficients = inner(b_phi, x);
+    matmul(
+        x.as_mut(),
+        Accum::Add,
+        phi.as_ref(),
+        coefficients.as_ref(),
+        -1.0,
+        Par::Seq,
+    );
+}
+
+/// Column `j` as a slice.
+pub fn column(x: &Dense, j: usize) -> &[f64] {
+    x.col(j)
+        .try_as_col_major()
+        .expect("columns of Dense are contiguous")
+        .as_slice()
+}
+
+/// Column `j` as a mutable slice.
+pub fn column_mut(x: &mut Dense, j: usize) -> &mut [f64] {
+    x.col_mut(j)
+        .try_as_col_major_mut()
+        .expect("columns of Dense are contiguous")
+        .as_slice_mut()
+}
