@@ -1,5 +1,6 @@
 //! chladni: verified Laplace–Beltrami eigenpairs of triangle meshes.
 
+pub mod ggnn;
 pub mod mesh;
 pub mod operators;
 pub mod spectrum;

@@ -1,0 +1,81 @@
+//! ENC of (28): x ↦ sin(x w_inᵀ + b_in).
+
+use dfdx::prelude::*;
+
+use super::real::{Real, gemm, view};
+use super::{Matrix, Vector};
+
+/// Applies (28) to features x, n×d, with w_in, h×d, and b_in, h: n×h.
+pub fn encode<E: Real, T: Tape<E, Cpu>>(
+    x: Matrix<E, T>,
+    w: &Matrix<E>,
+    b: &Vector<E>,
+) -> Matrix<E, T> {
+    let (x, mut tape) = x.split_tape();
+    let &(n, d) = x.shape();
+    let &(h, _) = w.shape();
+    let (xs, ws, bs) = (x.as_vec(), w.as_vec(), b.as_vec());
+    let mut phase: Vec<E> = (0..n).flat_map(|_| bs.iter().copied()).collect();
+    gemm(
+        &mut phase,
+        view(&xs, n, d),
+        view(&ws, h, d).transpose(),
+        faer::Accum::Add,
+    );
+    let (mut sin, mut cos) = (vec![E::default(); n * h], vec![E::default(); n * h]);
+    E::sin_cos_all(&phase, &mut sin, &mut cos);
+    let out = x.device().tensor_from_vec(sin, (n, h));
+    let (out_ghost, x_ghost, w_ghost, b_ghost) = (out.ghost(), x.ghost(), w.ghost(), b.ghost());
+    tape.add_backward_op(move |grads| {
+        let mut d_phase = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
+        d_phase.iter_mut().zip(&cos).for_each(|(g, &c)| *g *= c);
+        let d_phase_view = view(&d_phase, n, h);
+        gemm(
+            grads.get_or_alloc_mut(&w_ghost)?,
+            d_phase_view.transpose(),
+            view(&xs, n, d),
+            ADD,
+        );
+        let d_b = grads.get_or_alloc_mut(&b_ghost)?;
+        for row in d_phase.chunks_exact(h) {
+            d_b.iter_mut().zip(row).for_each(|(d, &g)| *d += g);
+        }
+        gemm(
+            grads.get_or_alloc_mut(&x_ghost)?,
+            d_phase_view,
+            view(&ws, h, d),
+            ADD,
+        );
+        Ok(())
+    });
+    out.put_tape(tape)
+}
+
+const ADD: faer::Accum = faer::Accum::Add;
+
+#[cfg(test)]
+mod tests {
+    use super::super::finite_differences::{check, values, weighted_sum};
+    use super::*;
+
+    #[test]
+    fn gradients_match_finite_differences() {
+        let (n, d, h) = (7, 3, 5);
+        check(
+            &[values(n * d, 1), values(h * d, 2), values(h, 3)],
+            |dev, p, tape| {
+                let x = dev.tensor_from_vec(p[0].clone(), (n, d));
+                let w = dev.tensor_from_vec(p[1].clone(), (h, d));
+                let b = dev.tensor_from_vec(p[2].clone(), (h,));
+                let y = encode(x.clone().put_tape(tape), &w, &b);
+                let loss = weighted_sum(y);
+                (
+                    loss,
+                    Box::new(move |g| {
+                        vec![g.get(&x).as_vec(), g.get(&w).as_vec(), g.get(&b).as_vec()]
+                    }),
+                )
+            },
+        );
+    }
+}

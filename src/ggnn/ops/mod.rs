@@ -1,0 +1,30 @@
+//! Differentiable operations on dfdx's tape, fused for this network, each with its backward by hand.
+//!
+//! A tensor of `n` vertices and `h` features is row-major, n×h. Every operation takes plain parameters and one
+//! traced input, computes in one pass, and pushes one backward closure.
+//!
+//! - [`real`]: the scalar types, dense products, sine and cosine in bulk
+//! - [`graph`]: sparse times dense
+//! - [`encoder`]: ENC of (28)
+//! - [`sggc`]: the SGGC layer of (29)
+//! - [`rayleigh`]: the Rayleigh quotient of a solved head, what `ritz` trains on
+//! - [`losses`]: the paper's loss terms (24)–(26)
+
+pub mod encoder;
+pub mod graph;
+pub mod losses;
+pub mod rayleigh;
+pub mod real;
+pub mod sggc;
+
+#[cfg(test)]
+pub(crate) mod finite_differences;
+
+use dfdx::tensor::{Cpu, Tensor};
+
+/// A matrix with sizes known at run time, row-major.
+pub type Matrix<E, T = dfdx::tensor::NoneTape> = Tensor<(usize, usize), E, Cpu, T>;
+/// A vector with its length known at run time.
+pub type Vector<E, T = dfdx::tensor::NoneTape> = Tensor<(usize,), E, Cpu, T>;
+/// A number.
+pub type Scalar<E, T = dfdx::tensor::NoneTape> = Tensor<(), E, Cpu, T>;

@@ -1,0 +1,149 @@
+//! The two scalar types of the network, and the dense kernels that both need.
+
+use dfdx::dtypes::Dtype;
+use faer::linalg::matmul::matmul_with_conj;
+use faer::{Accum, Conj, MatMut, MatRef, Par};
+use pulp::Arch;
+
+/// `f32`, which trains and predicts, or `f64`, which checks it.
+pub trait Real: Dtype + faer::traits::RealField {
+    /// Rounds from double precision.
+    fn round(x: f64) -> Self;
+    /// Widens to double precision.
+    fn wide(self) -> f64;
+    /// sin and cos of every entry of `x`. All slices have the same length.
+    fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]);
+}
+
+impl Real for f64 {
+    fn round(x: f64) -> Self {
+        x
+    }
+    fn wide(self) -> f64 {
+        self
+    }
+    fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
+        for (x, (sin, cos)) in x.iter().zip(sin.iter_mut().zip(cos)) {
+            (*sin, *cos) = x.sin_cos();
+        }
+    }
+}
+
+impl Real for f32 {
+    fn round(x: f64) -> Self {
+        x as f32
+    }
+    fn wide(self) -> f64 {
+        f64::from(self)
+    }
+    fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
+        Arch::new().dispatch(|| sin_cos_f32(x, sin, cos));
+    }
+}
+
+/// dst = a·b, or dst += a·b, on one thread. `dst` is row-major; `a` and `b` may be transposed views.
+pub fn gemm<E: Real>(dst: &mut [E], a: MatRef<'_, E>, b: MatRef<'_, E>, accum: Accum) {
+    let dst = MatMut::from_row_major_slice_mut(dst, a.nrows(), b.ncols());
+    matmul_with_conj(
+        dst,
+        accum,
+        a,
+        Conj::No,
+        b,
+        Conj::No,
+        E::round(1.0),
+        Par::Seq,
+    );
+}
+
+/// A row-major view.
+pub fn view<E>(x: &[E], rows: usize, columns: usize) -> MatRef<'_, E> {
+    MatRef::from_row_major_slice(x, rows, columns)
+}
+
+/// y += a x, in registers as wide as the machine has.
+#[inline(always)]
+pub fn axpy<E: Real>(a: E, x: &[E], y: &mut [E]) {
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y += a * x;
+    }
+}
+
+/// Beyond this the reduction by a three-part π/2 loses digits.
+const REDUCTION_LIMIT: f32 = 8192.0;
+
+/// sin and cos to about 1 unit in the last place of 1.0: Cody–Waite reduction by multiples of π/2, then the
+/// minimax polynomials of Cephes (sinf, cosf) on [−π/4, π/4]. Larger or non-finite arguments go through libm.
+#[inline(always)]
+fn sin_cos_f32(x: &[f32], sin: &mut [f32], cos: &mut [f32]) {
+    let mut out_of_range = false;
+    for (&x, (sin, cos)) in x.iter().zip(sin.iter_mut().zip(cos.iter_mut())) {
+        // A NaN compares false and is caught as well.
+        #[allow(clippy::neg_cmp_op_on_partial_ord)]
+        {
+            out_of_range |= !(x.abs() <= REDUCTION_LIMIT);
+        }
+        (*sin, *cos) = sin_cos_reduced(x);
+    }
+    if out_of_range {
+        for (&x, (sin, cos)) in x.iter().zip(sin.iter_mut().zip(cos.iter_mut())) {
+            #[allow(clippy::neg_cmp_op_on_partial_ord)]
+            if !(x.abs() <= REDUCTION_LIMIT) {
+                (*sin, *cos) = x.sin_cos();
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn sin_cos_reduced(x: f32) -> (f32, f32) {
+    // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low bits.
+    const ROUND: f32 = 12_582_912.0;
+    const PI_2: [f32; 3] = [1.570_312_5, 4.837_512_97e-4, 7.549_790_1e-8];
+    let shifted = x * std::f32::consts::FRAC_2_PI + ROUND;
+    let quadrant = shifted.to_bits();
+    let k = shifted - ROUND;
+    let r = ((x - k * PI_2[0]) - k * PI_2[1]) - k * PI_2[2];
+    let z = r * r;
+    let sine = r + r * z * (-0.166_666_55 + z * (8.332_161e-3 + z * -1.951_529_6e-4));
+    let cosine =
+        1.0 - 0.5 * z + z * z * (4.166_664_6e-2 + z * (-1.388_731_6e-3 + z * 2.443_315_7e-5));
+    let swapped = quadrant & 1 == 1;
+    let (s, c) = if swapped {
+        (cosine, sine)
+    } else {
+        (sine, cosine)
+    };
+    let sign_s = (quadrant & 2) << 30;
+    let sign_c = (quadrant.wrapping_add(1) & 2) << 30;
+    (
+        f32::from_bits(s.to_bits() ^ sign_s),
+        f32::from_bits(c.to_bits() ^ sign_c),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sine_and_cosine_match_double_precision() {
+        let x: Vec<f32> = (-200_000..200_000).map(|i| i as f32 * 1e-4).collect();
+        let (mut sin, mut cos) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        f32::sin_cos_all(&x, &mut sin, &mut cos);
+        for (i, &x) in x.iter().enumerate() {
+            let (s, c) = f64::from(x).sin_cos();
+            assert!((f64::from(sin[i]) - s).abs() < 1.3e-7, "sin {x}");
+            assert!((f64::from(cos[i]) - c).abs() < 1.3e-7, "cos {x}");
+        }
+    }
+
+    #[test]
+    fn large_and_undefined_arguments_go_through_libm() {
+        let x = [1e6_f32, -3e9, f32::NAN, f32::INFINITY];
+        let (mut sin, mut cos) = ([0.0; 4], [0.0; 4]);
+        f32::sin_cos_all(&x, &mut sin, &mut cos);
+        assert_eq!((sin[0], cos[1]), (1e6_f32.sin(), (-3e9_f32).cos()));
+        assert!(sin[2].is_nan() && sin[3].is_nan() && cos[3].is_nan());
+    }
+}
