@@ -2,11 +2,25 @@
 //!
 //! - [`trimesh`]: the canonical, validated mesh that all other folders work on
 //! - [`hash`]: its content hash
+//! - [`topology`]: pieces, boundary, Euler characteristic, defects
+//! - [`ingest`]: from a file to all of these, through `read` (one file a format), `raw` and [`repair`]
+//! - [`error`]: why a file did not become a mesh
 //! - [`sample`]: surfaces with known spectra
 
+pub mod error;
 pub mod hash;
+pub mod ingest;
+mod raw;
+mod read;
+pub mod repair;
 pub mod sample;
+pub mod topology;
 pub mod trimesh;
 
+pub use error::{Fault, MeshError, Place};
 pub use hash::MeshHash;
+pub use ingest::{Ingested, load, load_bytes};
+pub use read::format::Format;
+pub use repair::Repairs;
+pub use topology::Topology;
 pub use trimesh::{Area, TriMesh};

@@ -1,0 +1,207 @@
+//! Why a file did not become a mesh: which file, where in it, what is wrong and what helps.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+/// A place in a mesh file, precise enough to find it in an editor or a glTF viewer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// A line of a text file, counted from 1.
+    Line(u32),
+    /// A glTF primitive; all counts are zero-based, as in the document.
+    Primitive { mesh: u32, primitive: u32 },
+    /// A triangle of a glTF primitive.
+    Triangle {
+        mesh: u32,
+        primitive: u32,
+        triangle: u32,
+    },
+    /// An element of a glTF accessor: a position in the buffer.
+    Element { accessor: u32, element: u32 },
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Primitive { mesh, primitive } => write!(f, "mesh {mesh}, primitive {primitive}"),
+            Self::Triangle {
+                mesh,
+                primitive,
+                triangle,
+            } => write!(f, "mesh {mesh}, primitive {primitive}, triangle {triangle}"),
+            Self::Element { accessor, element } => {
+                write!(f, "accessor {accessor}, element {element}")
+            }
+        }
+    }
+}
+
+/// A file that cannot become a mesh.
+#[derive(Debug, thiserror::Error)]
+#[error("{}{}: {fault}", .path.display(), Located(.place))]
+pub struct MeshError {
+    /// The file, as it was named by the caller.
+    pub path: PathBuf,
+    /// Where in the file, when one place can be named.
+    pub place: Option<Place>,
+    /// What is wrong.
+    pub fault: Fault,
+}
+
+struct Located<'a>(&'a Option<Place>);
+
+impl fmt::Display for Located<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.map_or(Ok(()), |place| write!(f, ", {place}"))
+    }
+}
+
+/// What can be wrong with a mesh file. Each message says what happened and what helps.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// The operating system refused to read the file: it is missing, a folder, or not readable.
+    #[error("cannot be read: {0}")]
+    Unreadable(std::io::Error),
+    /// The file has no bytes, usually because an export or a copy was interrupted.
+    #[error("the file is empty; export or copy it again")]
+    EmptyFile,
+    /// The content is none of the formats we read; the extension cannot help then.
+    #[error(
+        "{}; convert the mesh to OBJ, glTF or GLB",
+        .recognised.map_or_else(
+            || "the content is neither OBJ nor glTF".to_owned(),
+            |name| format!("this is {name}, which is not read")
+        )
+    )]
+    UnknownFormat { recognised: Option<&'static str> },
+    /// More vertices or triangles than `u32` can number.
+    #[error("more than 4294967295 vertices or lines; split or decimate the mesh")]
+    TooLarge,
+
+    /// A `v` or `f` line is not what the OBJ format allows: a word that is no number, too few coordinates.
+    /// Usual causes are decimal commas and files cut in the middle of a line.
+    #[error(
+        "cannot read `{text}` ({reason}); numbers need decimal points, `v` three coordinates, `f` vertex indices such as 1, 1/2, 1//3 or 1/2/3"
+    )]
+    Unparsable {
+        text: String,
+        reason: tobj::LoadError,
+    },
+    /// A coordinate is NaN or infinite, usually from a division by zero in the program that wrote the file,
+    /// or is too large for the transforms above it.
+    #[error(
+        "the position ({}, {}, {}) is not finite; repair the vertex in the program that wrote it",
+        .position[0], .position[1], .position[2]
+    )]
+    NotFinite { position: [f64; 3] },
+    /// A face names a vertex that does not exist. Usual causes are a file cut short, zero-based indices in
+    /// an OBJ file, and vertices deleted by hand.
+    #[error(
+        "vertex index {index} is out of range: there are {vertices} vertices to choose from; export the mesh again"
+    )]
+    IndexOutOfRange { index: i64, vertices: usize },
+    /// No triangle with an area is left to integrate over. Point clouds, curves and files whose faces are
+    /// all degenerate end here.
+    #[error(
+        "no surface: the file has {vertices} vertices and {triangles} triangles, and none of the triangles has an area; export faces, not points or curves"
+    )]
+    NoSurface { vertices: usize, triangles: usize },
+
+    /// The mended mesh breaks a rule of the canonical one. This is a defect of this program, not of the file.
+    #[error("repair left an invalid mesh ({0}); please report the file")]
+    Unsound(super::trimesh::InvalidMesh),
+
+    /// A GLB container is shorter than its header says: an interrupted download or copy.
+    #[error("the GLB container is cut short ({0}); download or export it again")]
+    TruncatedGlb(String),
+    /// The document breaks a rule of glTF 2.0.
+    #[error("not a valid glTF 2.0 document: {0}; the Khronos glTF validator shows the details")]
+    InvalidDocument(String),
+    /// The document cannot be read without an extension that we do not read: its positions or triangles are
+    /// compressed or quantised.
+    #[error("needs the glTF extension {name}, which is not read; {}", remedy(name))]
+    RequiredExtension { name: String },
+    /// A buffer is missing or shorter than the document says. A `.gltf` has to lie beside its `.bin` files.
+    #[error("buffer {buffer}: {problem}")]
+    Buffer { buffer: usize, problem: String },
+    /// An accessor does not describe usable data inside its buffer.
+    #[error("accessor {accessor}: {problem}")]
+    Accessor { accessor: usize, problem: String },
+    /// A node is its own ancestor or has two parents: transforms would be ambiguous or endless.
+    #[error("node {node} is reached twice, so the nodes are no tree; export the scene again")]
+    NotATree { node: usize },
+    /// The scene repeats its meshes so often that it would fill the memory.
+    #[error(
+        "the scene repeats its meshes too often: more than {limit} vertices and triangles from {bytes} bytes; export the one mesh that is meant"
+    )]
+    TooManyInstances { limit: usize, bytes: usize },
+}
+
+fn remedy(extension: &str) -> &'static str {
+    match extension {
+        "KHR_draco_mesh_compression" => "export without Draco compression",
+        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            "export without meshopt compression"
+        }
+        "KHR_mesh_quantization" => "export with floating-point positions",
+        _ => "export without it",
+    }
+}
+
+/// A [`Fault`] and its place, before the file's name is known.
+#[derive(Debug)]
+pub(super) struct Failure {
+    pub place: Option<Place>,
+    pub fault: Fault,
+}
+
+impl Failure {
+    pub fn at(place: Place, fault: Fault) -> Self {
+        Self {
+            place: Some(place),
+            fault,
+        }
+    }
+
+    pub fn in_file(self, path: &Path) -> MeshError {
+        MeshError {
+            path: path.to_owned(),
+            place: self.place,
+            fault: self.fault,
+        }
+    }
+}
+
+impl From<Fault> for Failure {
+    fn from(fault: Fault) -> Self {
+        Self { place: None, fault }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_name_the_file_the_place_and_the_remedy() {
+        let fault = Fault::IndexOutOfRange {
+            index: 9,
+            vertices: 8,
+        };
+        let error = Failure::at(Place::Line(12), fault).in_file(Path::new("a/b.obj"));
+        assert_eq!(
+            error.to_string(),
+            "a/b.obj, line 12: vertex index 9 is out of range: there are 8 vertices to choose from; export the mesh again"
+        );
+        let name = "KHR_draco_mesh_compression".to_owned();
+        let error = Failure::from(Fault::RequiredExtension { name }).in_file(Path::new("c.glb"));
+        assert_eq!(
+            error.to_string(),
+            "c.glb: needs the glTF extension KHR_draco_mesh_compression, which is not read; export without Draco compression"
+        );
+    }
+}
