@@ -3,4 +3,5 @@
 pub mod ggnn;
 pub mod mesh;
 pub mod operators;
+pub mod remesh;
 pub mod spectrum;

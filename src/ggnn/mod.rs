@@ -1,7 +1,24 @@
 //! LEP-dPINN: one graph neural network block per eigenfunction.
 //!
 //! - [`ops`]: the differentiable operations
+//! - [`features`]: what the network reads at every vertex
+//! - [`network`]: encoder and SGGC layers, (27)–(29)
 //! - [`deflation`]: keeping a function away from the earlier eigenfunctions
+//! - [`head`]: the decoder, solved by Rayleigh–Ritz
+//! - [`recipe`]: the hyperparameters
+//! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
+//! - [`block`]: what training makes
+//! - [`predict`]: forward passes on any mesh
 
+pub mod block;
 pub mod deflation;
+pub mod features;
+pub mod head;
+pub mod network;
 pub mod ops;
+pub mod predict;
+pub mod recipe;
+pub mod shards;
+pub mod train;
+
+pub use block::Block;

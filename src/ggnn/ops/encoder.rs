@@ -2,14 +2,14 @@
 
 use dfdx::prelude::*;
 
+use super::Matrix;
 use super::real::{Real, gemm, view};
-use super::{Matrix, Vector};
 
-/// Applies (28) to features x, n×d, with w_in, h×d, and b_in, h: n×h.
+/// Applies (28) to features x, n×d, with w_in, h×d, and b_in, 1×h: n×h.
 pub fn encode<E: Real, T: Tape<E, Cpu>>(
     x: Matrix<E, T>,
     w: &Matrix<E>,
-    b: &Vector<E>,
+    b: &Matrix<E>,
 ) -> Matrix<E, T> {
     let (x, mut tape) = x.split_tape();
     let &(n, d) = x.shape();
@@ -66,7 +66,7 @@ mod tests {
             |dev, p, tape| {
                 let x = dev.tensor_from_vec(p[0].clone(), (n, d));
                 let w = dev.tensor_from_vec(p[1].clone(), (h, d));
-                let b = dev.tensor_from_vec(p[2].clone(), (h,));
+                let b = dev.tensor_from_vec(p[2].clone(), (1, h));
                 let y = encode(x.clone().put_tape(tape), &w, &b);
                 let loss = weighted_sum(y);
                 (

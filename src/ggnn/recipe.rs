@@ -1,0 +1,34 @@
+//! How a block is trained: the hyperparameters, each a documented option.
+
+use serde::{Deserialize, Serialize};
+
+use super::network::{Ranges, TrunkShape};
+
+/// Recipe `ritz`: the head is solved, Adam trains the trunk on the Rayleigh quotient.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Ritz {
+    /// The trunk's sizes.
+    pub shape: TrunkShape,
+    /// Its initial weights.
+    pub ranges: Ranges,
+    /// Adam steps.
+    pub steps: usize,
+    /// Family members in one step.
+    pub batch: usize,
+    /// Adam's learning rate at the first step; it falls to zero along a half cosine.
+    pub learning_rate: f64,
+    /// The head is solved anew every so many steps.
+    pub solve_every: usize,
+    /// Eigen-directions of the feature Gram matrix below this (relative) are cut off.
+    pub cutoff: f64,
+    /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
+    pub shards: usize,
+}
+
+impl Ritz {
+    /// The learning rate at `step`.
+    pub fn learning_rate_at(&self, step: usize) -> f64 {
+        let phase = step as f64 / self.steps.max(1) as f64;
+        self.learning_rate * 0.5 * (1.0 + (std::f64::consts::PI * phase).cos())
+    }
+}

@@ -1,0 +1,235 @@
+//! Recipe `ritz`: trains one block on a family.
+//!
+//! Each step: forward passes over a batch; the head solved on that batch ([`super::head`]); the gradient of the
+//! batch's Rayleigh quotient with respect to the trunk ([`super::ops::rayleigh`]); one Adam step. Since the head
+//! is optimal for the batch, the quotient's gradient needs no term for the head (the envelope theorem).
+//!
+//! Nothing here has seen a vector of a reference solver: the inputs are meshes, their operators, and the
+//! predictions of earlier blocks.
+
+use std::sync::Arc;
+
+use dfdx::prelude::*;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+
+use super::block::{Block, TrainingRecord};
+use super::deflation::Deflation;
+use super::head::Head;
+use super::network::Trunk;
+use super::ops::graph::Graph;
+use super::ops::rayleigh::{MemberPencil, Quotient};
+use super::predict::NetworkInput;
+use super::recipe::Ritz;
+use super::shards::Shards;
+use crate::operators::Sparse;
+use crate::spectrum::Dense;
+
+/// One mesh of a family as training sees it. The mass is scaled to unit area.
+#[derive(Debug, Clone)]
+pub struct Member {
+    /// What the network reads.
+    pub input: NetworkInput,
+    /// L.
+    pub stiffness: Sparse,
+    /// B/area.
+    pub mass: Sparse,
+}
+
+/// One member with the earlier eigenfunctions on it: a row of the training set for one block.
+#[derive(Debug)]
+pub struct Sample {
+    pub(super) input: NetworkInput,
+    pub(super) stiffness: Graph<f64>,
+    pub(super) mass: Graph<f64>,
+    pub(super) pencil: Arc<MemberPencil>,
+}
+
+impl Sample {
+    /// Prepares `member` for the block after the functions `earlier`, n×k.
+    pub fn new(member: &Member, earlier: &Dense) -> Self {
+        Self {
+            input: member.input.clone(),
+            stiffness: Graph::new(&member.stiffness),
+            mass: Graph::new(&member.mass),
+            pencil: Arc::new(MemberPencil {
+                stiffness: member.stiffness.clone(),
+                mass: member.mass.clone(),
+                deflation: Deflation::new(&member.mass, earlier.clone()),
+            }),
+        }
+    }
+}
+
+/// Why a block was not trained.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TrainError {
+    /// The caller asked to stop.
+    #[error("training was interrupted")]
+    Cancelled,
+    /// The features span nothing beyond the earlier eigenfunctions, or are no longer numbers.
+    #[error(
+        "the network's features became useless at step {step}: \
+         lower train.learning_rate, or raise train.width"
+    )]
+    Degenerate { step: usize },
+}
+
+/// Who watches a training: told about every step, asked whether to go on.
+pub trait Observer {
+    /// After step `step` of `steps`, with the batch's Rayleigh quotient.
+    fn step(&self, step: usize, steps: usize, quotient: f64);
+    /// Whether to stop now.
+    fn cancelled(&self) -> bool;
+}
+
+/// Trains the block that follows the functions deflated in `samples`.
+///
+/// The same inputs, recipe and seed give the same bits, whatever the number of threads.
+///
+/// # Errors
+/// [`TrainError`].
+pub fn train_block(
+    samples: Vec<Sample>,
+    recipe: &Ritz,
+    seed: u64,
+    observer: &dyn Observer,
+) -> Result<Block, TrainError> {
+    let mut trunk = Trunk::init(recipe.shape, recipe.ranges, seed);
+    let everyone: Vec<usize> = (0..samples.len()).collect();
+    let mut batches = Batches::new(samples.len(), recipe.batch, seed);
+    Shards::run(samples, recipe.shards, |shards| {
+        let untrained = shards.grams(&trunk, &everyone).solve(recipe.cutoff);
+        let untrained = untrained
+            .ok_or(TrainError::Degenerate { step: 0 })?
+            .quotient;
+        let mut adam = Moments::new(&trunk);
+        let mut history = Vec::with_capacity(recipe.steps);
+        let mut head: Option<Head> = None;
+        for step in 0..recipe.steps {
+            if observer.cancelled() {
+                return Err(TrainError::Cancelled);
+            }
+            let batch = batches.next();
+            let grams = shards.grams(&trunk, &batch);
+            if head.is_none() || step % recipe.solve_every.max(1) == 0 {
+                head = grams.solve(recipe.cutoff);
+            }
+            let weights = &head
+                .as_ref()
+                .ok_or(TrainError::Degenerate { step })?
+                .weights;
+            let (numerator, denominator) = grams.quotient_parts(weights);
+            let quotient = Quotient {
+                value: numerator / denominator,
+                denominator,
+            };
+            if !quotient.value.is_finite() {
+                return Err(TrainError::Degenerate { step });
+            }
+            let gradients = shards.gradients(weights, quotient);
+            adam.update(&mut trunk, gradients, recipe.learning_rate_at(step));
+            history.push(quotient.value);
+            observer.step(step + 1, recipe.steps, quotient.value);
+        }
+        let last = shards.grams(&trunk, &everyone).solve(recipe.cutoff);
+        let last = last.ok_or(TrainError::Degenerate { step: recipe.steps })?;
+        Ok(Block {
+            shape: recipe.shape,
+            weights: trunk.weights(),
+            record: TrainingRecord {
+                history,
+                untrained,
+                trained: last.quotient,
+            },
+            head: last.weights,
+        })
+    })
+}
+
+/// Draws batches: every member once in random order, then again.
+struct Batches {
+    order: Vec<usize>,
+    next: usize,
+    size: usize,
+    rng: ChaCha8Rng,
+}
+
+impl Batches {
+    fn new(members: usize, size: usize, seed: u64) -> Self {
+        // Its own stream of the seed: the weights come from another.
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(1);
+        Self {
+            order: (0..members).collect(),
+            next: members,
+            size: size.clamp(1, members),
+            rng,
+        }
+    }
+
+    fn next(&mut self) -> Vec<usize> {
+        if self.next + self.size > self.order.len() {
+            self.order.shuffle(&mut self.rng);
+            self.next = 0;
+        }
+        let mut batch = self.order[self.next..self.next + self.size].to_vec();
+        batch.sort_unstable();
+        self.next += self.size;
+        batch
+    }
+}
+
+/// Adam's moments, beside dfdx's kernel.
+struct Moments {
+    first: Vec<<Cpu as Storage<f32>>::Vec>,
+    second: Vec<<Cpu as Storage<f32>>::Vec>,
+    step: i32,
+}
+
+impl Moments {
+    fn new(trunk: &Trunk<f32>) -> Self {
+        let mut zeros = Gradients::leaky();
+        let mut zeros_like = || -> Vec<<Cpu as Storage<f32>>::Vec> {
+            trunk
+                .parameters()
+                .iter()
+                .map(|p| match zeros.get_or_alloc_mut(p) {
+                    Ok(zeros) => zeros.clone(),
+                    Err(error) => panic!("no memory for Adam's moments: {error:?}"),
+                })
+                .collect()
+        };
+        Self {
+            first: zeros_like(),
+            second: zeros_like(),
+            step: 0,
+        }
+    }
+
+    fn update(&mut self, trunk: &mut Trunk<f32>, gradients: Vec<Vec<f32>>, lr: f64) {
+        self.step += 1;
+        let config = AdamConfig {
+            lr,
+            ..AdamConfig::default()
+        };
+        let moments = self.first.iter_mut().zip(&mut self.second);
+        let mut scratch = Gradients::leaky();
+        for ((parameter, gradient), (first, second)) in trunk
+            .parameters_mut()
+            .iter_mut()
+            .zip(gradients)
+            .zip(moments)
+        {
+            let slot = match scratch.get_or_alloc_mut(parameter) {
+                Ok(slot) => slot,
+                Err(error) => panic!("no memory for a gradient: {error:?}"),
+            };
+            **slot = gradient;
+            if let Err(error) = config.try_update(self.step, parameter, first, second, slot) {
+                panic!("dfdx's Adam on the CPU cannot fail, but did: {error:?}");
+            }
+        }
+    }
+}

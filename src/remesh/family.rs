@@ -1,0 +1,116 @@
+//! A family: seeded variants of one mesh that keep its topology.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::simplify::simplify;
+use crate::mesh::{Topology, TriMesh};
+
+/// Which variants to make.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FamilyRecipe {
+    /// How many meshes; 1 is the mesh itself.
+    pub members: usize,
+    /// About how many vertices each; at most three quarters of the mesh's own.
+    pub vertices: usize,
+    /// How far vertices move, in mean edge lengths, while the collapses are chosen.
+    pub jitter: f64,
+    /// Seeds the perturbations.
+    pub seed: u64,
+}
+
+/// The meshes that one model is trained on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Family {
+    /// At least one mesh.
+    pub members: Vec<TriMesh>,
+}
+
+/// Why no family could be made.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FamilyError {
+    /// No draw kept components, boundary loops and Euler characteristic.
+    #[error(
+        "none of {draws} simplifications to {vertices} vertices kept the topology of the mesh; \
+         raise family.vertices, or set family.members = 1 to train on the mesh alone"
+    )]
+    Topology { draws: usize, vertices: usize },
+}
+
+/// Draws before a member is given up.
+const DRAWS: usize = 20;
+
+/// A member has at most this share of the mesh's vertices.
+const LARGEST_SHARE: f64 = 0.75;
+
+impl Family {
+    /// Makes the family of `mesh`.
+    ///
+    /// Every member has its own random stream, so that member i does not depend on how many others there are.
+    ///
+    /// # Errors
+    /// [`FamilyError::Topology`] when no draw for some member keeps the topology.
+    pub fn of(mesh: &TriMesh, recipe: &FamilyRecipe) -> Result<Self, FamilyError> {
+        if recipe.members <= 1 {
+            return Ok(Self { members: vec![mesh.clone()] });
+        }
+        let vertices = recipe.vertices.min((LARGEST_SHARE * mesh.n() as f64) as usize);
+        let wanted = kind(mesh);
+        let members = (0..recipe.members as u64)
+            .map(|member| {
+                let mut rng = ChaCha8Rng::seed_from_u64(recipe.seed);
+                rng.set_stream(member);
+                (0..DRAWS)
+                    .filter_map(|_| simplify(mesh, vertices, recipe.jitter, &mut rng).ok())
+                    .find(|variant| kind(variant) == wanted)
+                    .ok_or(FamilyError::Topology { draws: DRAWS, vertices })
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self { members })
+    }
+}
+
+/// What a variant must share with its mesh: components, boundary loops, Euler characteristic.
+fn kind(mesh: &TriMesh) -> (usize, usize, i64) {
+    let topology = Topology::of(mesh);
+    (topology.components, topology.boundary_loops, topology.euler_characteristic)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::sample::icosphere;
+
+    fn recipe(members: usize) -> FamilyRecipe {
+        FamilyRecipe { members, vertices: 120, jitter: 0.3, seed: 5 }
+    }
+
+    #[test]
+    fn members_differ_keep_the_topology_and_lie_on_the_mesh() {
+        let mesh = icosphere(2);
+        let family = Family::of(&mesh, &recipe(4)).unwrap();
+        for (i, member) in family.members.iter().enumerate() {
+            assert_eq!(kind(member), (1, 0, 2));
+            assert!((110..=122).contains(&member.n()), "{}", member.n());
+            assert!(member.vertices().iter().all(|p| mesh.vertices().contains(p)));
+            assert!(family.members[..i].iter().all(|other| other != member));
+        }
+    }
+
+    #[test]
+    fn a_member_depends_on_its_number_and_the_seed_alone() {
+        let mesh = icosphere(2);
+        let few = Family::of(&mesh, &recipe(2)).unwrap();
+        let many = Family::of(&mesh, &recipe(3)).unwrap();
+        assert_eq!(few.members, many.members[..2]);
+        let other = Family::of(&mesh, &FamilyRecipe { seed: 6, ..recipe(2) }).unwrap();
+        assert_ne!(few, other);
+    }
+
+    #[test]
+    fn a_family_of_one_is_the_mesh() {
+        let mesh = icosphere(1);
+        assert_eq!(Family::of(&mesh, &recipe(1)).unwrap().members, [mesh]);
+    }
+}
