@@ -5,3 +5,4 @@ pub mod mesh;
 pub mod operators;
 pub mod remesh;
 pub mod spectrum;
+pub mod store;

@@ -1,0 +1,383 @@
+//! The bytes of entries in the database: written so that a crash leaves no half entry, read only when whole.
+//!
+//! In: a key, what the entry is, and bytes. Out: bytes that match every digest, or nothing. Whoever meets damage
+//! (a read, a stat) quarantines that key: it leaves the live trees, the reason is recorded, and the key can be
+//! written again.
+//!
+//! Threads: a key belongs to one of 64 locks. Reads of a key share it, a write or a quarantine has it alone, so a
+//! reader never sees chunks of one write under the manifest of another.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::time::Duration;
+
+use rkyv::util::AlignedVec;
+
+use super::chunk;
+use super::manifest::{Manifest, unix_now};
+use super::quarantine::{Fault, Quarantined};
+use super::recovery::{self, Trees};
+use super::{CacheKey, Digest, StoreError};
+
+const LOCKS: usize = 64;
+
+/// All entries of an open store.
+pub(super) struct Blobs {
+    dir: PathBuf,
+    trees: Trees,
+    locks: [RwLock<()>; LOCKS],
+    /// The keys whose last use was recorded by this process: once each is enough.
+    used: Mutex<HashSet<CacheKey>>,
+}
+
+/// What an entry is, as its writer says.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Origin {
+    pub stage: &'static str,
+    pub version: u32,
+    pub schema: u32,
+    pub cost: Duration,
+}
+
+/// What a look at a key finds.
+enum Found<T> {
+    Nothing,
+    Sound(T),
+    Faulty(Fault),
+}
+
+impl Blobs {
+    pub fn new(dir: PathBuf, trees: Trees) -> Self {
+        Self {
+            dir,
+            trees,
+            locks: [const { RwLock::new(()) }; LOCKS],
+            used: Mutex::default(),
+        }
+    }
+
+    /// The cache directory.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// Writes an entry, in place of any that the key has; gives the digest of `bytes`.
+    pub fn write(
+        &self,
+        key: &CacheKey,
+        origin: Origin,
+        bytes: &[u8],
+    ) -> Result<Digest, StoreError> {
+        let digest = Digest::of(bytes);
+        let now = unix_now();
+        let manifest = Manifest {
+            length: bytes.len() as u64,
+            digest: *digest.as_bytes(),
+            stage: origin.stage.to_owned(),
+            version: origin.version,
+            schema: origin.schema,
+            cost: origin.cost.as_secs_f64(),
+            created: now,
+            last_use: now,
+        };
+        let record = manifest.encode(key).map_err(|source| StoreError::Encode {
+            stage: origin.stage,
+            source,
+        })?;
+        let _alone = self.alone(key);
+        self.guarded("write an entry", || {
+            let Trees {
+                database,
+                manifests,
+                chunks,
+                ..
+            } = &self.trees;
+            manifests.remove(key.as_bytes())?;
+            chunk::remove(chunks, key)?;
+            chunk::write(chunks, key, bytes)?;
+            database.flush()?;
+            manifests.insert(key.as_bytes(), record.as_slice())?;
+            database.flush()?;
+            Ok(())
+        })?;
+        self.first_use(key);
+        Ok(digest)
+    }
+
+    /// The manifest and bytes of `key` if it has an entry that `wanted` accepts and that matches every digest.
+    pub fn read(
+        &self,
+        key: &CacheKey,
+        wanted: impl Fn(&Manifest) -> bool,
+    ) -> Option<(Manifest, AlignedVec)> {
+        let (manifest, bytes) = self.look(key, || self.find(key, &wanted))?;
+        if self.first_use(key) {
+            self.record_use(key, &manifest);
+        }
+        Some((manifest, bytes))
+    }
+
+    /// The manifest of `key`, if it has an entry. Its bytes are not looked at.
+    pub fn manifest(&self, key: &CacheKey) -> Option<Manifest> {
+        self.look(key, || self.find_manifest(key))
+    }
+
+    /// Quarantines the entry whose sound bytes, of this digest, turned out to be undecodable.
+    pub fn quarantine_undecodable(&self, key: &CacheKey, digest: Digest, reason: String) {
+        self.quarantine_if(key, || match self.find_manifest(key)? {
+            Found::Sound(manifest) if manifest.digest() == digest => {
+                Ok(Some(Fault::Undecodable(reason)))
+            }
+            _ => Ok(None),
+        });
+    }
+
+    /// Every key that has a manifest, sound or not.
+    pub fn keys(&self) -> Result<Vec<CacheKey>, StoreError> {
+        self.guarded("list the entries", || {
+            let keys = self.trees.manifests.iter().keys();
+            keys.filter_map(|key| match key {
+                Ok(key) => Some(Ok(CacheKey::from_bytes(key.as_ref().try_into().ok()?))),
+                Err(error) => Some(Err(error)),
+            })
+            .collect()
+        })
+    }
+
+    /// The entries that were quarantined in this database, by key; the last reason of each.
+    pub fn quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
+        self.guarded("list the quarantined entries", || {
+            let records = self.trees.quarantined.iter();
+            records
+                .filter_map(|record| match record {
+                    Ok((key, record)) => Some(Ok(Quarantined::decode(&key, &record)?)),
+                    Err(error) => Some(Err(error)),
+                })
+                .collect()
+        })
+    }
+
+    fn find(
+        &self,
+        key: &CacheKey,
+        wanted: impl Fn(&Manifest) -> bool,
+    ) -> sled::Result<Found<(Manifest, AlignedVec)>> {
+        let manifest = match self.find_manifest(key)? {
+            Found::Nothing => return Ok(Found::Nothing),
+            Found::Faulty(fault) => return Ok(Found::Faulty(fault)),
+            Found::Sound(manifest) => manifest,
+        };
+        if !wanted(&manifest) {
+            return Ok(Found::Nothing);
+        }
+        Ok(
+            match chunk::read(&self.trees.chunks, key, manifest.length)? {
+                Err(fault) => Found::Faulty(Fault::Chunk(fault)),
+                Ok(bytes) if Digest::of(&bytes) != manifest.digest() => Found::Faulty(Fault::Whole),
+                Ok(bytes) => Found::Sound((manifest, bytes)),
+            },
+        )
+    }
+
+    fn find_manifest(&self, key: &CacheKey) -> sled::Result<Found<Manifest>> {
+        let record = self.trees.manifests.get(key.as_bytes())?;
+        Ok(match record {
+            None => Found::Nothing,
+            Some(record) => match Manifest::decode(key, &record) {
+                None => Found::Faulty(Fault::Manifest),
+                Some(manifest) => Found::Sound(manifest),
+            },
+        })
+    }
+
+    /// What `find` finds while nobody writes `key`. A fault is quarantined; a refusal of the database is a warning.
+    fn look<T>(&self, key: &CacheKey, find: impl Fn() -> sled::Result<Found<T>>) -> Option<T> {
+        let shared = self.shared(key);
+        match self.guarded("read an entry", &find) {
+            Ok(Found::Sound(value)) => Some(value),
+            Ok(Found::Nothing) => None,
+            Ok(Found::Faulty(_)) => {
+                drop(shared);
+                // Another thread may have replaced the entry meanwhile: judge what is there then.
+                self.quarantine_if(key, || match find()? {
+                    Found::Faulty(fault) => Ok(Some(fault)),
+                    _ => Ok(None),
+                });
+                None
+            }
+            Err(error) => {
+                tracing::warn!(%key, %error, "a cached result cannot be read; it is computed again");
+                None
+            }
+        }
+    }
+
+    /// Removes the entry of `key` if `judge`, asked while nobody else can touch it, finds it at fault.
+    fn quarantine_if(&self, key: &CacheKey, judge: impl FnOnce() -> sled::Result<Option<Fault>>) {
+        let _alone = self.alone(key);
+        let judged = self.guarded("quarantine an entry", || {
+            let Some(fault) = judge()? else {
+                return Ok(None);
+            };
+            let reason = fault.to_string();
+            let record = Quarantined::encode(unix_now(), &reason);
+            self.trees.manifests.remove(key.as_bytes())?;
+            chunk::remove(&self.trees.chunks, key)?;
+            self.trees.quarantined.insert(key.as_bytes(), record)?;
+            self.trees.database.flush()?;
+            Ok(Some(reason))
+        });
+        match judged {
+            Ok(None) => {}
+            Ok(Some(reason)) => {
+                tracing::warn!(%key, reason, "a cached result is damaged; it is dropped and computed again");
+            }
+            Err(error) => {
+                tracing::warn!(%key, %error, "a damaged cached result cannot be dropped");
+            }
+        }
+    }
+
+    /// Whether this is the first use of `key` in this process.
+    fn first_use(&self, key: &CacheKey) -> bool {
+        let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        used.insert(*key)
+    }
+
+    /// Stamps the manifest with the present time, unless the entry was replaced meanwhile. It is not flushed: a lost
+    /// stamp does no harm.
+    fn record_use(&self, key: &CacheKey, manifest: &Manifest) {
+        let stamped = Manifest {
+            last_use: unix_now(),
+            ..manifest.clone()
+        };
+        let (Ok(old), Ok(new)) = (manifest.encode(key), stamped.encode(key)) else {
+            return;
+        };
+        let manifests = &self.trees.manifests;
+        let swapped = self.guarded("record a use", || {
+            manifests.compare_and_swap(key.as_bytes(), Some(&old[..]), Some(&new[..]))
+        });
+        if let Err(error) = swapped {
+            tracing::debug!(%key, %error, "the use of a cached result is not recorded");
+        }
+    }
+
+    /// Runs one operation of the database. Damage that it shows is noted for the next opening.
+    fn guarded<T>(
+        &self,
+        doing: &'static str,
+        operation: impl FnOnce() -> sled::Result<T>,
+    ) -> Result<T, StoreError> {
+        recovery::contained(&self.dir, doing, operation)
+            .inspect_err(|error| recovery::suspect(&self.dir, error))
+    }
+
+    fn shared(&self, key: &CacheKey) -> RwLockReadGuard<'_, ()> {
+        let lock = &self.locks[usize::from(key.as_bytes()[0]) % LOCKS];
+        lock.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn alone(&self, key: &CacheKey) -> RwLockWriteGuard<'_, ()> {
+        let lock = &self.locks[usize::from(key.as_bytes()[0]) % LOCKS];
+        lock.write().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEY: CacheKey = CacheKey::from_bytes([5; 32]);
+
+    fn open(dir: &Path) -> Blobs {
+        Blobs::new(dir.to_owned(), recovery::open_trees(dir).unwrap())
+    }
+
+    fn write(blobs: &Blobs, bytes: &[u8]) -> Digest {
+        let origin = Origin {
+            stage: "stage",
+            version: 1,
+            schema: 1,
+            cost: Duration::from_secs(1),
+        };
+        blobs.write(&KEY, origin, bytes).unwrap()
+    }
+
+    /// Sets the last use back to 1970 and tells what it is after a read.
+    fn last_use_after_read(blobs: &Blobs) -> u64 {
+        let old = Manifest {
+            last_use: 0,
+            ..blobs.manifest(&KEY).unwrap()
+        };
+        let record = old.encode(&KEY).unwrap();
+        let manifests = &blobs.trees.manifests;
+        manifests.insert(KEY.as_bytes(), record.as_slice()).unwrap();
+        assert!(blobs.read(&KEY, |_| true).is_some());
+        blobs.manifest(&KEY).unwrap().last_use
+    }
+
+    #[test]
+    fn the_first_use_in_a_process_is_recorded_and_no_other() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = open(dir.path());
+        write(&blobs, b"bytes");
+        assert_eq!(last_use_after_read(&blobs), 0, "the write was the first");
+        drop(blobs);
+        let blobs = open(dir.path());
+        assert!(last_use_after_read(&blobs) > 0);
+        assert_eq!(last_use_after_read(&blobs), 0);
+    }
+
+    #[test]
+    fn a_shorter_entry_leaves_no_chunk_of_the_longer_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = open(dir.path());
+        write(&blobs, &[1; 5 * chunk::CHUNK]);
+        let digest = write(&blobs, &[2; chunk::CHUNK + 1]);
+        assert_eq!(blobs.trees.chunks.len(), 2);
+        let (manifest, bytes) = blobs.read(&KEY, |_| true).unwrap();
+        assert_eq!(manifest.digest(), digest);
+        assert_eq!(bytes.as_slice(), [2; chunk::CHUNK + 1]);
+    }
+
+    #[test]
+    fn an_entry_without_manifest_is_none() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = open(dir.path());
+        chunk::write(&blobs.trees.chunks, &KEY, &[1; 100]).unwrap();
+        assert!(blobs.read(&KEY, |_| true).is_none());
+        assert!(blobs.quarantined().unwrap().is_empty());
+        write(&blobs, b"bytes");
+        assert!(blobs.read(&KEY, |_| true).is_some());
+    }
+
+    #[test]
+    fn an_entry_that_was_replaced_meanwhile_is_not_quarantined() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = open(dir.path());
+        let old = write(&blobs, b"undecodable");
+        write(&blobs, b"sound");
+        blobs.quarantine_undecodable(&KEY, old, "it does not decode".to_owned());
+        assert!(blobs.read(&KEY, |_| true).is_some());
+        assert!(blobs.quarantined().unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_panic_of_the_database_is_an_error_and_leaves_a_note() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = open(dir.path());
+        let result = blobs.guarded::<()>("try", || panic!("a page is {}", "gone"));
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains("the database panicked (a page is gone)"));
+        write(&blobs, b"bytes");
+        drop(blobs);
+        let blobs = open(dir.path());
+        assert!(blobs.keys().unwrap().is_empty(), "it was set aside");
+        write(&blobs, b"bytes");
+        drop(blobs);
+        let blobs = open(dir.path());
+        assert_eq!(blobs.keys().unwrap(), [KEY], "the note is gone");
+    }
+}

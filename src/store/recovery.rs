@@ -1,0 +1,218 @@
+//! How a store opens whatever state its database is in.
+//!
+//! The database is disposable: one that is damaged is renamed to `quarantine-<unix time>` and an empty one takes its
+//! place. sled reports damage as an error or as a panic, so each operation on it runs in [`contained`]. The message
+//! of such a panic still goes to the panic hook: replacing the hook is a race with every other thread.
+//!
+//! Damage is one thing, the state of the system another: permissions, a full disk or too many open files say
+//! nothing of the database, and it stays where it is.
+
+use std::any::Any;
+use std::io::ErrorKind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use std::{fs, thread};
+
+use super::StoreError;
+use super::format::{self, Marker};
+use super::manifest::unix_now;
+
+/// The database within a cache directory.
+const DATABASE: &str = "chladni.sled";
+
+/// Left by a run that met damage after opening.
+const SUSPECT: &str = "chladni.suspect";
+
+/// Databases set aside are named with this and the time.
+pub(super) const QUARANTINE: &str = "quarantine-";
+
+/// Pages that the database keeps in memory. Its default is 1 GiB; the artifacts in flight need that more.
+const PAGE_CACHE: u64 = 64 << 20;
+
+/// How long to wait for a lock on the database while the directory is ours: one that was just closed may stay locked
+/// for a moment, through a copy of its handle in a process that is being started.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// An open database and its three trees.
+pub(super) struct Trees {
+    pub database: sled::Db,
+    pub manifests: sled::Tree,
+    pub chunks: sled::Tree,
+    pub quarantined: sled::Tree,
+}
+
+/// Opens the database of `dir`, which is locked by us; sets a damaged one aside and starts anew.
+pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
+    let database = dir.join(DATABASE);
+    let marker = format::read(dir)?;
+    if let Some(reason) = distrust(dir, marker, &database) {
+        set_aside(dir, &database, &reason)?;
+        remove_if_there(&dir.join(SUSPECT))?;
+    }
+    if marker != Marker::Ours {
+        format::write(dir)?;
+    }
+    match open_patiently(dir, &database) {
+        Err(error) if is_damage(&error) => {
+            set_aside(dir, &database, &error.to_string())?;
+            open_patiently(dir, &database)
+        }
+        opened => opened,
+    }
+}
+
+/// Runs an operation of the database; a panic becomes [`StoreError::Panicked`].
+pub(super) fn contained<T>(
+    dir: &Path,
+    doing: &'static str,
+    operation: impl FnOnce() -> sled::Result<T>,
+) -> Result<T, StoreError> {
+    // What a panic may leave half done is on the far side of the digests, or in sled, which is then suspect.
+    match catch_unwind(AssertUnwindSafe(operation)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(source)) => Err(StoreError::Database {
+            doing,
+            dir: dir.to_owned(),
+            source,
+        }),
+        Err(panic) => Err(StoreError::Panicked {
+            doing,
+            dir: dir.to_owned(),
+            message: message(panic.as_ref()),
+        }),
+    }
+}
+
+/// If `error` is damage, leaves a note on which the next opening sets the database aside.
+pub(super) fn suspect(dir: &Path, error: &StoreError) {
+    if is_damage(error)
+        && let Err(refused) = fs::write(dir.join(SUSPECT), format!("{error}\n"))
+    {
+        tracing::warn!(%refused, %error, "the cache is damaged and cannot be marked so; delete it");
+    }
+}
+
+/// Why the database must not be opened, if there is a reason.
+fn distrust(dir: &Path, marker: Marker, database: &Path) -> Option<String> {
+    if !database.exists() {
+        return None;
+    }
+    match marker {
+        Marker::Ours => fs::read_to_string(dir.join(SUSPECT))
+            .ok()
+            .map(|note| note.trim_end().to_owned()),
+        Marker::Older(version) => Some(format!("it has the old format {version}")),
+        Marker::Absent => Some("its format is not marked".to_owned()),
+        Marker::Unreadable => Some("its format marker cannot be read".to_owned()),
+    }
+}
+
+/// Renames the database to a `quarantine-<unix time>` that does not exist yet.
+fn set_aside(dir: &Path, database: &Path, reason: &str) -> Result<(), StoreError> {
+    let now = unix_now();
+    let names = (1..).map(|n| match n {
+        1 => format!("{QUARANTINE}{now}"),
+        n => format!("{QUARANTINE}{now}-{n}"),
+    });
+    let target: PathBuf = names
+        .map(|name| dir.join(name))
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| dir.join(QUARANTINE));
+    fs::rename(database, &target).map_err(|source| StoreError::Directory {
+        doing: "set aside",
+        path: database.to_owned(),
+        source,
+    })?;
+    tracing::warn!(
+        reason,
+        moved_to = %target.display(),
+        "the cache cannot be used; it is set aside and a new one started",
+    );
+    Ok(())
+}
+
+fn remove_if_there(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != ErrorKind::NotFound => Err(StoreError::Directory {
+            doing: "remove",
+            path: path.to_owned(),
+            source,
+        }),
+        _ => Ok(()),
+    }
+}
+
+fn open_patiently(dir: &Path, database: &Path) -> Result<Trees, StoreError> {
+    let start = Instant::now();
+    loop {
+        match contained(dir, "open the database", || open(database)) {
+            Err(error) if is_locked(&error) => {
+                if start.elapsed() > PATIENCE {
+                    return Err(StoreError::Locked {
+                        dir: dir.to_owned(),
+                        holder: None,
+                    });
+                }
+                thread::sleep(Duration::from_millis(20));
+            }
+            opened => return opened,
+        }
+    }
+}
+
+fn open(path: &Path) -> sled::Result<Trees> {
+    let database = sled::Config::new()
+        .path(path)
+        .cache_capacity(PAGE_CACHE)
+        .open()?;
+    Ok(Trees {
+        manifests: database.open_tree("manifests")?,
+        chunks: database.open_tree("chunks")?,
+        quarantined: database.open_tree("quarantined")?,
+        database,
+    })
+}
+
+/// Whether sled's own lock is held. It reports that as any other error, so its words have to tell.
+fn is_locked(error: &StoreError) -> bool {
+    matches!(
+        error,
+        StoreError::Database { source: sled::Error::Io(io), .. }
+            if io.kind() == ErrorKind::Other && io.to_string().contains("could not acquire lock")
+    )
+}
+
+/// Whether an error speaks of the database's files rather than of the system's state.
+fn is_damage(error: &StoreError) -> bool {
+    match error {
+        StoreError::Panicked { .. } => true,
+        StoreError::Database { source, .. } => match source {
+            sled::Error::Io(io) => {
+                // ENFILE and EMFILE, too many open files, have no kind of their own.
+                !is_locked(error)
+                    && !matches!(io.raw_os_error(), Some(23 | 24))
+                    && !matches!(
+                        io.kind(),
+                        ErrorKind::PermissionDenied
+                            | ErrorKind::ReadOnlyFilesystem
+                            | ErrorKind::StorageFull
+                            | ErrorKind::QuotaExceeded
+                            | ErrorKind::OutOfMemory
+                            | ErrorKind::Interrupted
+                            | ErrorKind::TimedOut
+                    )
+            }
+            _ => true,
+        },
+        _ => false,
+    }
+}
+
+fn message(panic: &(dyn Any + Send)) -> String {
+    let text = panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    text.unwrap_or("no message").to_owned()
+}

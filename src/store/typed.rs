@@ -1,0 +1,86 @@
+//! Putting results into a store and getting them back, by type.
+//!
+//! A get answers with a result that is certainly the one that was put, or with nothing; nothing means: compute it.
+//! The order of its checks: manifest (checksum, stage, schema), each chunk, the whole, the envelope, the archive.
+
+use std::time::Duration;
+
+use super::artifact::{Artifact, DecodeError, decode, encode};
+use super::blob::Origin;
+use super::manifest::Manifest;
+use super::{CacheKey, Digest, Store, StoreError};
+
+/// A result from the store.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cached<A> {
+    /// The result.
+    pub artifact: A,
+    /// Of its encoding: what the keys of later stages take as their input.
+    pub digest: Digest,
+    /// What it took to compute it, that is, what the store saved.
+    pub cost: Duration,
+}
+
+/// What the store says of a result without reading it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peeked {
+    /// Of its encoding: what the keys of later stages take as their input.
+    pub digest: Digest,
+    /// What it took to compute it.
+    pub cost: Duration,
+}
+
+impl Store {
+    /// Stores the result of the work that `key` names, and that took `cost`, in place of any that is there. It is
+    /// on disk when this returns. The digest is that of the encoded artifact.
+    ///
+    /// # Errors
+    /// When the artifact cannot be encoded, or the database not written. The store can still be used.
+    pub fn put<A: Artifact>(
+        &self,
+        key: &CacheKey,
+        artifact: &A,
+        cost: Duration,
+    ) -> Result<Digest, StoreError> {
+        let origin = Origin {
+            stage: A::STAGE,
+            version: A::VERSION,
+            schema: A::SCHEMA,
+            cost,
+        };
+        self.blobs().write(key, origin, &encode(artifact)?)
+    }
+
+    /// The result stored under `key`, or `None`: there is none, it is of another stage or schema, or it was damaged
+    /// (then it is quarantined, with a warning).
+    pub fn get<A: Artifact>(&self, key: &CacheKey) -> Option<Cached<A>> {
+        let (manifest, bytes) = self.blobs().read(key, is_of::<A>)?;
+        match decode::<A>(&bytes) {
+            Ok(artifact) => Some(Cached {
+                artifact,
+                digest: manifest.digest(),
+                cost: manifest.cost(),
+            }),
+            Err(DecodeError::Foreign { .. }) => None,
+            Err(error @ DecodeError::Invalid { .. }) => {
+                self.blobs()
+                    .quarantine_undecodable(key, manifest.digest(), error.to_string());
+                None
+            }
+        }
+    }
+
+    /// Whether `key` has a result of this type, with its digest, without reading it: for planning what would be
+    /// computed. A later [`get`](Self::get) may still find the result damaged.
+    pub fn peek<A: Artifact>(&self, key: &CacheKey) -> Option<Peeked> {
+        let manifest = self.blobs().manifest(key).filter(is_of::<A>)?;
+        Some(Peeked {
+            digest: manifest.digest(),
+            cost: manifest.cost(),
+        })
+    }
+}
+
+fn is_of<A: Artifact>(manifest: &Manifest) -> bool {
+    manifest.stage == A::STAGE && manifest.schema == A::SCHEMA
+}
