@@ -6,9 +6,7 @@ use std::path::{Path, PathBuf};
 use chladni::mesh::{Fault, Format, Ingested, MeshError, Place, load, load_bytes};
 
 fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/data/meshes")
-        .join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes").join(name)
 }
 
 fn read(name: &str) -> Ingested {
@@ -25,11 +23,7 @@ const CUBE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 
 
 /// A GLB of one primitive: the positions as f32, the triangles as u16.
 fn glb(positions: &[[f32; 3]], triangles: &[[u16; 3]]) -> Vec<u8> {
-    let mut bin: Vec<u8> = positions
-        .iter()
-        .flatten()
-        .flat_map(|c| c.to_le_bytes())
-        .collect();
+    let mut bin: Vec<u8> = positions.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
     let split = bin.len();
     bin.extend(triangles.iter().flatten().flat_map(|i| i.to_le_bytes()));
     let length = bin.len();
@@ -77,29 +71,15 @@ fn a_seamed_mesh_is_one_closed_surface() {
 #[test]
 fn obj_and_glb_of_the_same_numbers_share_their_hash() {
     let cube = obj(CUBE).unwrap();
-    let positions: Vec<_> = cube
-        .mesh
-        .vertices()
-        .iter()
-        .map(|p| p.map(|c| c as f32))
-        .collect();
-    let triangles: Vec<_> = cube
-        .mesh
-        .faces()
-        .iter()
-        .map(|f| f.map(|i| i as u16))
-        .collect();
+    let positions: Vec<_> = cube.mesh.vertices().iter().map(|p| p.map(|c| c as f32)).collect();
+    let triangles: Vec<_> = cube.mesh.faces().iter().map(|f| f.map(|i| i as u16)).collect();
     // A wrong extension does not matter: the content says what it is.
     let same = load_bytes(Path::new("cube.obj"), &glb(&positions, &triangles)).unwrap();
     assert_eq!(same.format, Format::Glb);
     assert_eq!(same.mesh, cube.mesh);
     assert_eq!(same.mesh.hash(), cube.mesh.hash());
     // Cut along every edge, as exporters do: welding finds the eight corners again, in another order.
-    let corners: Vec<_> = triangles
-        .iter()
-        .flatten()
-        .map(|&i| positions[i as usize])
-        .collect();
+    let corners: Vec<_> = triangles.iter().flatten().map(|&i| positions[i as usize]).collect();
     let cut: Vec<_> = (0..12).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let welded = load_bytes(Path::new("cube.glb"), &glb(&corners, &cut)).unwrap();
     assert_eq!(welded.topology, cube.topology);
@@ -112,30 +92,18 @@ fn comments_materials_groups_normals_and_colours_do_not_change_the_hash() {
     let plain = obj(CUBE).unwrap().mesh.hash();
     let dressed = CUBE
         .replace("f 5", "# a comment\nusemtl red\ng side\ns 1\nf 5")
-        .replace(
-            "f 2 3 7 6",
-            "o other\nvt 0 0\nvt 1 0\nvn 0 0 1\nf 2/1/1 3/2 7//1 6/1/1 # c",
-        )
+        .replace("f 2 3 7 6", "o other\nvt 0 0\nvt 1 0\nvn 0 0 1\nf 2/1/1 3/2 7//1 6/1/1 # c")
         .replace("v 1 1 1\n", "v 1 1 1 0.5 0.5 0.5\r\n");
     let dressed = format!("\u{feff}mtllib none.mtl\no cube\n{dressed}l 1 2\n");
     assert_ne!(dressed, CUBE);
     assert_eq!(obj(&dressed).unwrap().mesh.hash(), plain);
-    assert_ne!(
-        obj(&CUBE.replace("v 1 1 1", "v 1 1 1.5"))
-            .unwrap()
-            .mesh
-            .hash(),
-        plain
-    );
+    assert_ne!(obj(&CUBE.replace("v 1 1 1", "v 1 1 1.5")).unwrap().mesh.hash(), plain);
 }
 
 #[test]
 fn groups_that_use_vertices_out_of_order_do_not_change_the_hash() {
     let grouped = CUBE.replacen("f 4 3 2 1", "g top\nf 4 3 2 1\ng rest", 1);
-    assert_eq!(
-        obj(&grouped).unwrap().mesh.hash(),
-        obj(CUBE).unwrap().mesh.hash()
-    );
+    assert_eq!(obj(&grouped).unwrap().mesh.hash(), obj(CUBE).unwrap().mesh.hash());
 }
 
 #[test]
@@ -171,10 +139,7 @@ fn what_is_dropped_is_counted_placed_and_mapped() {
     assert_eq!(repairs.duplicate_faces.first, [Place::Line(7)]);
     assert_eq!(repairs.zero_area_faces.first, [Place::Line(8)]);
     assert_eq!(repairs.collapsed_faces.first, [Place::Line(9)]);
-    assert_eq!(
-        repairs.unreferenced_vertices.first,
-        [Place::Line(1), Place::Line(4)]
-    );
+    assert_eq!(repairs.unreferenced_vertices.first, [Place::Line(1), Place::Line(4)]);
     let json = serde_json::to_value(repairs).unwrap();
     assert_eq!(json["zero_area_faces"]["count"], 1);
     assert_eq!(json["zero_area_faces"]["first"][0]["line"], 8);
@@ -222,20 +187,13 @@ fn nested_node_transforms_are_applied() {
     let blocks = read("trimesh_nested.glb");
     assert_box(
         &blocks,
-        [
-            -1.1670133173465729,
-            -2.3365952462825526,
-            -0.26938149333000183,
-        ],
+        [-1.1670133173465729, -2.3365952462825526, -0.26938149333000183],
         [0.269381474666595, 0.9999999365371792, 0.26938149333000183],
     );
     assert!((blocks.mesh.area().0 - 8.677204211648291).abs() < 1e-6);
     assert!((signed_volume(&blocks) - 0.8987790543021933).abs() < 1e-6);
     let topology = &blocks.topology;
-    assert_eq!(
-        (topology.vertices, topology.faces, topology.components),
-        (24, 36, 3)
-    );
+    assert_eq!((topology.vertices, topology.faces, topology.components), (24, 36, 3));
     assert_eq!(topology.euler_characteristic, 6);
     assert!(topology.is_closed() && topology.is_oriented());
     assert_eq!(blocks.repairs.welded_vertices.count, 48);
@@ -275,14 +233,8 @@ fn missing_indices_count_up_and_storeys_share_their_floors() {
 fn the_moebius_strip_has_one_edge_and_one_side() {
     let strip = read("gc_moebius.obj");
     let topology = &strip.topology;
-    assert_eq!(
-        (topology.vertices, topology.edges, topology.faces),
-        (280, 728, 448)
-    );
-    assert_eq!(
-        (topology.euler_characteristic, topology.boundary_loops),
-        (0, 1)
-    );
+    assert_eq!((topology.vertices, topology.edges, topology.faces), (280, 728, 448));
+    assert_eq!((topology.euler_characteristic, topology.boundary_loops), (0, 1));
     assert_eq!(topology.boundary_vertices.len(), 112);
     assert!(topology.is_manifold());
     assert_eq!(topology.misoriented_edges, 4);
@@ -295,15 +247,9 @@ fn the_hourglass_is_two_spheres_that_share_a_vertex() {
     // (they share a row), χ = 2 + 2 − 1, pinched in the shared vertex.
     let hourglass = read("gc_hourglass_ico.obj");
     let topology = &hourglass.topology;
-    assert_eq!(
-        (topology.vertices, topology.edges, topology.faces),
-        (23, 60, 40)
-    );
+    assert_eq!((topology.vertices, topology.edges, topology.faces), (23, 60, 40));
     assert_eq!((topology.euler_characteristic, topology.components), (3, 1));
-    assert_eq!(
-        (topology.non_manifold_vertices, topology.non_manifold_edges),
-        (1, 0)
-    );
+    assert_eq!((topology.non_manifold_vertices, topology.non_manifold_edges), (1, 0));
     assert!(topology.is_closed() && topology.is_oriented());
 }
 
@@ -325,10 +271,7 @@ fn errors_name_the_file_the_line_and_the_remedy() {
     let range = message("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 3\nf 1 2 4\n");
     assert!(range.starts_with("a.obj, line 6: vertex index 4 is out of range"));
     let word = message("a.obj", b"v 0 0 0\nv 1 0,5 0\n");
-    assert!(
-        word.starts_with("a.obj, line 2: cannot read `v 1 0,5 0`"),
-        "{word}"
-    );
+    assert!(word.starts_with("a.obj, line 2: cannot read `v 1 0,5 0`"), "{word}");
 }
 
 #[test]
@@ -345,10 +288,7 @@ fn files_that_are_no_mesh_say_so() {
         assert!(message(name, &garbage).contains("neither OBJ nor glTF"));
     }
     let only_name = load(&data("trimesh_face_in_group_name.obj")).unwrap_err();
-    let no_surface = Fault::NoSurface {
-        vertices: 1,
-        triangles: 0,
-    };
+    let no_surface = Fault::NoSurface { vertices: 1, triangles: 0 };
     assert_eq!(only_name.fault.to_string(), no_surface.to_string());
     let missing = load(&data("none.obj")).unwrap_err();
     assert!(matches!(missing.fault, Fault::Unreadable(_)));
@@ -369,11 +309,8 @@ fn a_truncated_file_is_an_error_wherever_it_is_cut() {
 
 #[test]
 fn damaged_bytes_never_panic() {
-    for name in [
-        "trimesh_nested.glb",
-        "trimesh_BoxInterleaved.glb",
-        "trimesh_negative_indices.obj",
-    ] {
+    for name in ["trimesh_nested.glb", "trimesh_BoxInterleaved.glb", "trimesh_negative_indices.obj"]
+    {
         let whole = std::fs::read(data(name)).unwrap();
         for at in 0..whole.len() {
             for value in [0, b'9', 0xff] {
@@ -411,9 +348,6 @@ fn every_mesh_at_hand_loads_or_says_why() {
     }
     refused.sort();
     // One has no face; the other's .bin file is not there.
-    let expected = [
-        "trimesh_Mesh_PrimitiveMode_04.gltf",
-        "trimesh_face_in_group_name.obj",
-    ];
+    let expected = ["trimesh_Mesh_PrimitiveMode_04.gltf", "trimesh_face_in_group_name.obj"];
     assert_eq!(refused, expected);
 }

@@ -27,10 +27,7 @@ impl Deflation {
             // Linearly dependent functions: the pseudo-inverse deflates their span all the same.
             Err(_) => pseudo_inverse(&gram),
         };
-        Self {
-            dual: combine(&b_phi, &inverse),
-            phi,
-        }
+        Self { dual: combine(&b_phi, &inverse), phi }
     }
 
     /// u ← P u.
@@ -56,13 +53,10 @@ impl Deflation {
 
 /// x ← x − Y (Zᵀ x).
 fn subtract_projection(x: &mut [f64], y: &Dense, z: &Dense) {
-    let coefficients: Vec<f64> = (0..z.ncols())
-        .map(|k| column(z, k).iter().zip(&*x).map(|(z, x)| z * x).sum())
-        .collect();
+    let coefficients: Vec<f64> =
+        (0..z.ncols()).map(|k| column(z, k).iter().zip(&*x).map(|(z, x)| z * x).sum()).collect();
     for (k, c) in coefficients.into_iter().enumerate() {
-        x.iter_mut()
-            .zip(column(y, k))
-            .for_each(|(x, y)| *x -= c * y);
+        x.iter_mut().zip(column(y, k)).for_each(|(x, y)| *x -= c * y);
     }
 }
 
@@ -88,11 +82,7 @@ mod tests {
         let mut again = u.clone();
         deflation.apply(&mut again);
         for k in 0..3 {
-            let c: f64 = column(deflation.dual(), k)
-                .iter()
-                .zip(&u)
-                .map(|(a, b)| a * b)
-                .sum();
+            let c: f64 = column(deflation.dual(), k).iter().zip(&u).map(|(a, b)| a * b).sum();
             assert!(c.abs() < 1e-13);
         }
         assert!(u.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-13));

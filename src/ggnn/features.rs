@@ -48,20 +48,10 @@ mod tests {
     #[test]
     fn normalised_coordinates_do_not_depend_on_place_or_units() {
         let mesh = icosphere(1);
-        let moved = mesh
-            .vertices()
-            .iter()
-            .map(|p| p.map(|c| 250.0 * c + 31.0))
-            .collect();
+        let moved = mesh.vertices().iter().map(|p| p.map(|c| 250.0 * c + 31.0)).collect();
         let moved = TriMesh::new(moved, mesh.faces().to_vec()).unwrap();
-        let (a, b) = (
-            coordinates(&mesh, Normalise::Area),
-            coordinates(&moved, Normalise::Area),
-        );
+        let (a, b) = (coordinates(&mesh, Normalise::Area), coordinates(&moved, Normalise::Area));
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12));
-        assert_ne!(
-            coordinates(&mesh, Normalise::None),
-            coordinates(&moved, Normalise::None)
-        );
+        assert_ne!(coordinates(&mesh, Normalise::None), coordinates(&moved, Normalise::None));
     }
 }

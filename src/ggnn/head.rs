@@ -33,10 +33,7 @@ pub struct Head {
 impl Grams {
     /// The sums over no member at all.
     pub fn zeros(h: usize) -> Self {
-        Self {
-            stiffness: Dense::zeros(h, h),
-            mass: Dense::zeros(h, h),
-        }
+        Self { stiffness: Dense::zeros(h, h), mass: Dense::zeros(h, h) }
     }
 
     /// The Gram matrices of `features`, row-major n×h.
@@ -49,10 +46,7 @@ impl Grams {
     ) -> Self {
         let n = features.len() / h;
         let deflated = deflated(features, n, h, deflation);
-        Self {
-            stiffness: gram(&deflated, n, h, stiffness),
-            mass: gram(&deflated, n, h, mass),
-        }
+        Self { stiffness: gram(&deflated, n, h, stiffness), mass: gram(&deflated, n, h, mass) }
     }
 
     /// Adds another member's matrices.
@@ -65,9 +59,7 @@ impl Grams {
     pub fn solve(&self, cutoff: f64) -> Option<Head> {
         let ritz = ritz_pairs(&self.stiffness, &self.mass, cutoff);
         let quotient = ritz.values.first().copied().filter(|v| v.is_finite())?;
-        let weights = (0..self.mass.nrows())
-            .map(|i| ritz.coefficients[(i, 0)])
-            .collect();
+        let weights = (0..self.mass.nrows()).map(|i| ritz.coefficients[(i, 0)]).collect();
         Some(Head { weights, quotient })
     }
 
@@ -109,14 +101,7 @@ fn gram(f: &[f64], n: usize, h: usize, a: &Graph<f64>) -> Dense {
     a.for_each_row(f, h, |_, row| af.extend_from_slice(row));
     let mut g = Dense::zeros(h, h);
     let view = |x| faer::MatRef::from_row_major_slice(x, n, h);
-    matmul(
-        g.as_mut(),
-        Accum::Replace,
-        view(f).transpose(),
-        view(&af),
-        1.0,
-        Par::Seq,
-    );
+    matmul(g.as_mut(), Accum::Replace, view(f).transpose(), view(&af), 1.0, Par::Seq);
     for j in 0..h {
         for i in 0..j {
             let mean = 0.5 * (g[(i, j)] + g[(j, i)]);
@@ -137,23 +122,11 @@ mod tests {
     fn coordinates_hold_the_first_eigenfunctions_of_the_sphere() {
         let mesh = icosphere(3);
         let operators = Operators::assemble(&mesh, MassKind::Lumped);
-        let (l, b) = (
-            Graph::new(&operators.stiffness),
-            Graph::new(&operators.mass),
-        );
+        let (l, b) = (Graph::new(&operators.stiffness), Graph::new(&operators.mass));
         let constant = Deflation::new(&operators.mass, Dense::from_fn(mesh.n(), 1, |_, _| 1.0));
-        let features: Vec<f32> = mesh
-            .vertices()
-            .iter()
-            .flat_map(|p| [p[0] as f32, p[1] as f32, 1.0])
-            .collect();
-        let head = Grams::of(&features, 3, &l, &b, &constant)
-            .solve(1e-10)
-            .unwrap();
-        assert!(
-            (head.quotient / 2.0 - 1.0).abs() < 5e-3,
-            "{}",
-            head.quotient
-        );
+        let features: Vec<f32> =
+            mesh.vertices().iter().flat_map(|p| [p[0] as f32, p[1] as f32, 1.0]).collect();
+        let head = Grams::of(&features, 3, &l, &b, &constant).solve(1e-10).unwrap();
+        assert!((head.quotient / 2.0 - 1.0).abs() < 5e-3, "{}", head.quotient);
     }
 }

@@ -49,9 +49,7 @@ impl<E: Real> Trunk<E> {
     pub fn init(shape: TrunkShape, ranges: Ranges, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut draw = |rows: usize, columns: usize, range: f64| -> Vec<E> {
-            (0..rows * columns)
-                .map(|_| E::round(range * rng.random_range(-1.0..1.0)))
-                .collect()
+            (0..rows * columns).map(|_| E::round(range * rng.random_range(-1.0..1.0))).collect()
         };
         let h = shape.width;
         let mut weights = vec![draw(h, shape.inputs, ranges.encoder)];
@@ -101,11 +99,9 @@ impl<E: Real> Trunk<E> {
     /// The last hidden features F, n×h, of the input features x, n×d.
     pub fn forward<T: Tape<E, Cpu>>(&self, x: Matrix<E, T>, graph: &Arc<Graph<E>>) -> Matrix<E, T> {
         let encoded = encode(x, &self.parameters[0], &self.parameters[1]);
-        self.parameters[2..]
-            .chunks_exact(2)
-            .fold(encoded, |x, weights| {
-                sggc(x, graph, &weights[0], &weights[1], self.shape.iterations)
-            })
+        self.parameters[2..].chunks_exact(2).fold(encoded, |x, weights| {
+            sggc(x, graph, &weights[0], &weights[1], self.shape.iterations)
+        })
     }
 }
 
@@ -124,12 +120,7 @@ mod tests {
     use crate::mesh::sample::icosphere;
     use crate::operators::adjacency::adjacency;
 
-    const SHAPE: TrunkShape = TrunkShape {
-        inputs: 3,
-        width: 4,
-        layers: 2,
-        iterations: 2,
-    };
+    const SHAPE: TrunkShape = TrunkShape { inputs: 3, width: 4, layers: 2, iterations: 2 };
 
     #[test]
     fn the_whole_trunk_matches_finite_differences() {
@@ -143,16 +134,10 @@ mod tests {
             .collect();
         check(&inputs, |dev, p, tape| {
             let trunk = Trunk::from_weights(SHAPE, p.to_vec());
-            let x = dev
-                .tensor_from_vec(positions.clone(), (mesh.n(), 3))
-                .put_tape(tape);
+            let x = dev.tensor_from_vec(positions.clone(), (mesh.n(), 3)).put_tape(tape);
             let loss = weighted_sum(trunk.forward(x, &graph));
             let read = move |g: &Gradients<f64, Cpu>| {
-                trunk
-                    .parameters()
-                    .iter()
-                    .map(|p| g.get(p).as_vec())
-                    .collect()
+                trunk.parameters().iter().map(|p| g.get(p).as_vec()).collect()
             };
             (loss, Box::new(read))
         });
@@ -160,22 +145,10 @@ mod tests {
 
     #[test]
     fn weights_survive_a_round_trip_and_a_seed_repeats() {
-        let ranges = Ranges {
-            encoder: 2.0,
-            hidden: 0.005,
-        };
+        let ranges = Ranges { encoder: 2.0, hidden: 0.005 };
         let trunk = Trunk::<f32>::init(SHAPE, ranges, 3);
-        assert_eq!(
-            trunk.weights(),
-            Trunk::<f32>::init(SHAPE, ranges, 3).weights()
-        );
-        assert_ne!(
-            trunk.weights(),
-            Trunk::<f32>::init(SHAPE, ranges, 4).weights()
-        );
-        assert_eq!(
-            Trunk::from_weights(SHAPE, trunk.weights()).weights(),
-            trunk.weights()
-        );
+        assert_eq!(trunk.weights(), Trunk::<f32>::init(SHAPE, ranges, 3).weights());
+        assert_ne!(trunk.weights(), Trunk::<f32>::init(SHAPE, ranges, 4).weights());
+        assert_eq!(Trunk::from_weights(SHAPE, trunk.weights()).weights(), trunk.weights());
     }
 }

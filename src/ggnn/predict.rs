@@ -55,10 +55,7 @@ pub fn predict_next(
     mass: &Sparse,
     earlier: &Dense,
 ) -> Vec<f64> {
-    let features = block
-        .trunk()
-        .forward(input.tensor(&Cpu::default()), &input.graph)
-        .as_vec();
+    let features = block.trunk().forward(input.tensor(&Cpu::default()), &input.graph).as_vec();
     let deflation = Deflation::new(mass, earlier.clone());
     let mut u = deflated_prediction(&features, &block.head, &deflation);
     normalise(&mut u, mass);

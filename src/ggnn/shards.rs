@@ -29,15 +29,9 @@ struct Shard {
 
 enum Order {
     /// Forward passes over these samples (of all; the shard takes its own).
-    Forward {
-        trunk: Box<Trunk<f32>>,
-        batch: Arc<Vec<usize>>,
-    },
+    Forward { trunk: Box<Trunk<f32>>, batch: Arc<Vec<usize>> },
     /// Backward passes over the same samples.
-    Backward {
-        head: Arc<Vec<f64>>,
-        quotient: Quotient,
-    },
+    Backward { head: Arc<Vec<f64>>, quotient: Quotient },
 }
 
 impl Shards {
@@ -56,11 +50,7 @@ impl Shards {
                     let (grams_out, grams) = bounded(1);
                     let (gradients_out, gradients) = bounded(1);
                     scope.spawn(move || serve(&samples, &inbox, &grams_out, &gradients_out));
-                    Shard {
-                        orders,
-                        grams,
-                        gradients,
-                    }
+                    Shard { orders, grams, gradients }
                 })
                 .collect();
             // Dropping the shards' inboxes ends their threads, also when `work` unwinds.
@@ -73,10 +63,7 @@ impl Shards {
         self.width = trunk.shape().width;
         let batch = Arc::new(batch.to_vec());
         for shard in &self.shards {
-            shard.send(Order::Forward {
-                trunk: Box::new(trunk.clone()),
-                batch: batch.clone(),
-            });
+            shard.send(Order::Forward { trunk: Box::new(trunk.clone()), batch: batch.clone() });
         }
         let mut sum = Grams::zeros(self.width);
         for shard in &self.shards {
@@ -89,10 +76,7 @@ impl Shards {
     pub fn gradients(&mut self, head: &[f64], quotient: Quotient) -> Vec<Vec<f32>> {
         let head = Arc::new(head.to_vec());
         for shard in &self.shards {
-            shard.send(Order::Backward {
-                head: head.clone(),
-                quotient,
-            });
+            shard.send(Order::Backward { head: head.clone(), quotient });
         }
         let mut parts = self.shards.iter().map(|shard| receive(&shard.gradients));
         let first = parts.next().unwrap_or_default();
@@ -102,16 +86,12 @@ impl Shards {
 
 impl Shard {
     fn send(&self, order: Order) {
-        assert!(
-            self.orders.send(order).is_ok(),
-            "a training shard has panicked"
-        );
+        assert!(self.orders.send(order).is_ok(), "a training shard has panicked");
     }
 }
 
 fn receive<T>(from: &Receiver<T>) -> T {
-    from.recv()
-        .unwrap_or_else(|_| panic!("a training shard has panicked"))
+    from.recv().unwrap_or_else(|_| panic!("a training shard has panicked"))
 }
 
 type Taped = Matrix<f32, OwnedTape<f32, Cpu>>;
@@ -128,10 +108,7 @@ fn serve(
     let mut taped: Vec<(&Sample, Taped)> = Vec::new();
     while let Ok(order) = orders.recv() {
         let delivered = match order {
-            Order::Forward {
-                trunk: newest,
-                batch,
-            } => {
+            Order::Forward { trunk: newest, batch } => {
                 taped.clear();
                 let mut sum = Grams::zeros(newest.shape().width);
                 for (_, sample) in samples.iter().filter(|(index, _)| batch.contains(index)) {
@@ -152,11 +129,7 @@ fn serve(
                 let sum = taped.drain(..).fold(zeros, |sum, (sample, features)| {
                     let loss = rayleigh(features, &head, &sample.pencil, quotient);
                     let mut gradients = loss.backward();
-                    let own = trunk
-                        .parameters()
-                        .iter()
-                        .map(|p| take(&mut gradients, p))
-                        .collect();
+                    let own = trunk.parameters().iter().map(|p| take(&mut gradients, p)).collect();
                     add_all(sum, own)
                 });
                 gradients_out.send(sum).is_ok()

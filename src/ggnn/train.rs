@@ -101,9 +101,7 @@ pub fn train_block(
     let mut batches = Batches::new(samples.len(), recipe.batch, seed);
     Shards::run(samples, recipe.shards, |shards| {
         let untrained = shards.grams(&trunk, &everyone).solve(recipe.cutoff);
-        let untrained = untrained
-            .ok_or(TrainError::Degenerate { step: 0 })?
-            .quotient;
+        let untrained = untrained.ok_or(TrainError::Degenerate { step: 0 })?.quotient;
         let mut adam = Moments::new(&trunk);
         let mut history = Vec::with_capacity(recipe.steps);
         let mut head: Option<Head> = None;
@@ -116,15 +114,9 @@ pub fn train_block(
             if head.is_none() || step % recipe.solve_every.max(1) == 0 {
                 head = grams.solve(recipe.cutoff);
             }
-            let weights = &head
-                .as_ref()
-                .ok_or(TrainError::Degenerate { step })?
-                .weights;
+            let weights = &head.as_ref().ok_or(TrainError::Degenerate { step })?.weights;
             let (numerator, denominator) = grams.quotient_parts(weights);
-            let quotient = Quotient {
-                value: numerator / denominator,
-                denominator,
-            };
+            let quotient = Quotient { value: numerator / denominator, denominator };
             if !quotient.value.is_finite() {
                 return Err(TrainError::Degenerate { step });
             }
@@ -138,11 +130,7 @@ pub fn train_block(
         Ok(Block {
             shape: recipe.shape,
             weights: trunk.weights(),
-            record: TrainingRecord {
-                history,
-                untrained,
-                trained: last.quotient,
-            },
+            record: TrainingRecord { history, untrained, trained: last.quotient },
             head: last.weights,
         })
     })
@@ -161,12 +149,7 @@ impl Batches {
         // Its own stream of the seed: the weights come from another.
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(1);
-        Self {
-            order: (0..members).collect(),
-            next: members,
-            size: size.clamp(1, members),
-            rng,
-        }
+        Self { order: (0..members).collect(), next: members, size: size.clamp(1, members), rng }
     }
 
     fn next(&mut self) -> Vec<usize> {
@@ -201,26 +184,16 @@ impl Moments {
                 })
                 .collect()
         };
-        Self {
-            first: zeros_like(),
-            second: zeros_like(),
-            step: 0,
-        }
+        Self { first: zeros_like(), second: zeros_like(), step: 0 }
     }
 
     fn update(&mut self, trunk: &mut Trunk<f32>, gradients: Vec<Vec<f32>>, lr: f64) {
         self.step += 1;
-        let config = AdamConfig {
-            lr,
-            ..AdamConfig::default()
-        };
+        let config = AdamConfig { lr, ..AdamConfig::default() };
         let moments = self.first.iter_mut().zip(&mut self.second);
         let mut scratch = Gradients::leaky();
-        for ((parameter, gradient), (first, second)) in trunk
-            .parameters_mut()
-            .iter_mut()
-            .zip(gradients)
-            .zip(moments)
+        for ((parameter, gradient), (first, second)) in
+            trunk.parameters_mut().iter_mut().zip(gradients).zip(moments)
         {
             let slot = match scratch.get_or_alloc_mut(parameter) {
                 Ok(slot) => slot,

@@ -14,11 +14,7 @@ pub enum Place {
     /// A glTF primitive; all counts are zero-based, as in the document.
     Primitive { mesh: u32, primitive: u32 },
     /// A triangle of a glTF primitive.
-    Triangle {
-        mesh: u32,
-        primitive: u32,
-        triangle: u32,
-    },
+    Triangle { mesh: u32, primitive: u32, triangle: u32 },
     /// An element of a glTF accessor: a position in the buffer.
     Element { accessor: u32, element: u32 },
 }
@@ -28,11 +24,9 @@ impl fmt::Display for Place {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
             Self::Primitive { mesh, primitive } => write!(f, "mesh {mesh}, primitive {primitive}"),
-            Self::Triangle {
-                mesh,
-                primitive,
-                triangle,
-            } => write!(f, "mesh {mesh}, primitive {primitive}, triangle {triangle}"),
+            Self::Triangle { mesh, primitive, triangle } => {
+                write!(f, "mesh {mesh}, primitive {primitive}, triangle {triangle}")
+            }
             Self::Element { accessor, element } => {
                 write!(f, "accessor {accessor}, element {element}")
             }
@@ -87,10 +81,7 @@ pub enum Fault {
     #[error(
         "cannot read `{text}` ({reason}); numbers need decimal points, `v` three coordinates, `f` vertex indices such as 1, 1/2, 1//3 or 1/2/3"
     )]
-    Unparsable {
-        text: String,
-        reason: tobj::LoadError,
-    },
+    Unparsable { text: String, reason: tobj::LoadError },
     /// A coordinate is NaN or infinite, usually from a division by zero in the program that wrote the file,
     /// or is too large for the transforms above it.
     #[error(
@@ -161,18 +152,11 @@ pub(super) struct Failure {
 
 impl Failure {
     pub fn at(place: Place, fault: Fault) -> Self {
-        Self {
-            place: Some(place),
-            fault,
-        }
+        Self { place: Some(place), fault }
     }
 
     pub fn in_file(self, path: &Path) -> MeshError {
-        MeshError {
-            path: path.to_owned(),
-            place: self.place,
-            fault: self.fault,
-        }
+        MeshError { path: path.to_owned(), place: self.place, fault: self.fault }
     }
 }
 
@@ -188,10 +172,7 @@ mod tests {
 
     #[test]
     fn messages_name_the_file_the_place_and_the_remedy() {
-        let fault = Fault::IndexOutOfRange {
-            index: 9,
-            vertices: 8,
-        };
+        let fault = Fault::IndexOutOfRange { index: 9, vertices: 8 };
         let error = Failure::at(Place::Line(12), fault).in_file(Path::new("a/b.obj"));
         assert_eq!(
             error.to_string(),

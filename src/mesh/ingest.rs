@@ -58,11 +58,7 @@ fn ingest(path: &Path, bytes: &[u8]) -> Result<Ingested, Failure> {
         Format::Obj => obj::read(bytes)?,
         Format::Gltf | Format::Glb => gltf::read(bytes, path)?,
     };
-    let Repaired {
-        mesh,
-        vertex_map,
-        repairs,
-    } = repair(&raw)?;
+    let Repaired { mesh, vertex_map, repairs } = repair(&raw)?;
     tracing::debug!(
         path = %path.display(),
         vertices = mesh.n(),
@@ -71,11 +67,5 @@ fn ingest(path: &Path, bytes: &[u8]) -> Result<Ingested, Failure> {
         "mesh read"
     );
     let topology = Topology::of(&mesh);
-    Ok(Ingested {
-        mesh,
-        vertex_map,
-        repairs,
-        topology,
-        format,
-    })
+    Ok(Ingested { mesh, vertex_map, repairs, topology, format })
 }

@@ -23,16 +23,10 @@ pub struct RawMesh {
 pub enum Origin {
     /// Lines of an OBJ file, counted from 1: one per position, one per triangle. Faces share positions by
     /// index, so equal positions with different indices stay apart.
-    Obj {
-        positions: Vec<u32>,
-        triangles: Vec<u32>,
-    },
+    Obj { positions: Vec<u32>, triangles: Vec<u32> },
     /// Runs of a glTF document, each ascending in `first`. A glTF file repeats positions along every seam
     /// of normals and textures, so equal positions are one vertex.
-    Gltf {
-        positions: Vec<AccessorRun>,
-        triangles: Vec<PrimitiveRun>,
-    },
+    Gltf { positions: Vec<AccessorRun>, triangles: Vec<PrimitiveRun> },
 }
 
 /// Positions `first..` up to the next run are the elements of one accessor.
@@ -58,10 +52,7 @@ impl RawMesh {
             Origin::Gltf { positions, .. } => {
                 let index = u32::try_from(index).ok()?;
                 let run = last_before(positions, |run| run.first <= index)?;
-                Some(Place::Element {
-                    accessor: run.accessor,
-                    element: index - run.first,
-                })
+                Some(Place::Element { accessor: run.accessor, element: index - run.first })
             }
         }
     }
@@ -84,9 +75,7 @@ impl RawMesh {
 }
 
 fn last_before<T>(runs: &[T], starts_before: impl Fn(&T) -> bool) -> Option<&T> {
-    runs.partition_point(starts_before)
-        .checked_sub(1)
-        .and_then(|i| runs.get(i))
+    runs.partition_point(starts_before).checked_sub(1).and_then(|i| runs.get(i))
 }
 
 #[cfg(test)]
@@ -95,11 +84,7 @@ mod tests {
 
     #[test]
     fn runs_are_looked_up_by_their_first_index() {
-        let run = |first, primitive| PrimitiveRun {
-            first,
-            mesh: 7,
-            primitive,
-        };
+        let run = |first, primitive| PrimitiveRun { first, mesh: 7, primitive };
         let raw = RawMesh {
             positions: vec![],
             triangles: vec![],
@@ -111,13 +96,7 @@ mod tests {
             polygons: vec![],
             left_out: vec![],
         };
-        let place = |primitive, triangle| {
-            Some(Place::Triangle {
-                mesh: 7,
-                primitive,
-                triangle,
-            })
-        };
+        let place = |primitive, triangle| Some(Place::Triangle { mesh: 7, primitive, triangle });
         assert_eq!(raw.triangle_place(4), place(1, 4));
         assert_eq!(raw.triangle_place(5), place(2, 0));
         assert_eq!(raw.position_place(0), None);

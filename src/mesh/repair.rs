@@ -57,10 +57,7 @@ impl Tally {
     }
 
     fn of(places: &[Place]) -> Self {
-        Self {
-            count: places.len(),
-            first: places.iter().take(Self::SHOWN).copied().collect(),
-        }
+        Self { count: places.len(), first: places.iter().take(Self::SHOWN).copied().collect() }
     }
 }
 
@@ -121,9 +118,7 @@ pub(super) fn repair(raw: &RawMesh) -> Result<Repaired, Failure> {
         if !position.iter().all(|c| c.is_finite()) {
             return Err(Failure {
                 place: raw.position_place(index),
-                fault: Fault::NotFinite {
-                    position: *position,
-                },
+                fault: Fault::NotFinite { position: *position },
             });
         }
     }
@@ -138,15 +133,9 @@ pub(super) fn repair(raw: &RawMesh) -> Result<Repaired, Failure> {
     let rows = |face: [u32; 3]| face.map(|v| row[v as usize].unwrap_or_default());
     let mesh =
         TriMesh::new(vertices, faces.into_iter().map(rows).collect()).map_err(Fault::Unsound)?;
-    let vertex_map = representative
-        .iter()
-        .map(|&v| row[v as usize].map_or(-1, i64::from))
-        .collect();
-    Ok(Repaired {
-        mesh,
-        vertex_map,
-        repairs,
-    })
+    let vertex_map =
+        representative.iter().map(|&v| row[v as usize].map_or(-1, i64::from)).collect();
+    Ok(Repaired { mesh, vertex_map, repairs })
 }
 
 /// For each position, the first one that it is one vertex with.
@@ -159,13 +148,9 @@ fn weld(raw: &RawMesh, repairs: &mut Repairs) -> Vec<u32> {
     own.zip(&raw.positions)
         .map(|(index, position)| {
             // Adding zero makes −0 and 0 one.
-            let first = *first_at
-                .entry(position.map(|c| (c + 0.0).to_bits()))
-                .or_insert(index);
+            let first = *first_at.entry(position.map(|c| (c + 0.0).to_bits())).or_insert(index);
             if first != index {
-                repairs
-                    .welded_vertices
-                    .add(raw.position_place(index as usize));
+                repairs.welded_vertices.add(raw.position_place(index as usize));
             }
             first
         })
@@ -196,10 +181,8 @@ fn sound_faces(
         tally.add(raw.triangle_place(index));
     }
     if faces.is_empty() {
-        let fault = Fault::NoSurface {
-            vertices: raw.positions.len(),
-            triangles: raw.triangles.len(),
-        };
+        let fault =
+            Fault::NoSurface { vertices: raw.positions.len(), triangles: raw.triangles.len() };
         return Err(fault.into());
     }
     Ok(faces)

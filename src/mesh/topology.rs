@@ -44,10 +44,7 @@ impl Topology {
             vertices: mesh.n(),
             edges: 0,
             faces: faces.len(),
-            components: component_labels(mesh)
-                .iter()
-                .max()
-                .map_or(0, |&last| last as usize + 1),
+            components: component_labels(mesh).iter().max().map_or(0, |&last| last as usize + 1),
             euler_characteristic: 0,
             boundary_loops: 0,
             boundary_vertices: Vec::new(),
@@ -190,9 +187,7 @@ struct Classes {
 
 impl Classes {
     fn new(n: usize) -> Self {
-        Self {
-            parent: (0..n).collect(),
-        }
+        Self { parent: (0..n).collect() }
     }
 
     fn leader(&mut self, mut member: usize) -> usize {

@@ -30,11 +30,7 @@ pub enum InvalidMesh {
     NotFinite { vertex: usize },
     /// A triangle names a vertex that does not exist.
     #[error("face {face} refers to vertex {index}, but there are only {vertices} vertices")]
-    OutOfRange {
-        face: usize,
-        index: u32,
-        vertices: usize,
-    },
+    OutOfRange { face: usize, index: u32, vertices: usize },
     /// A triangle uses the same vertex twice.
     #[error("face {face} uses vertex {index} twice")]
     RepeatedVertex { face: usize, index: u32 },
@@ -52,21 +48,14 @@ impl TriMesh {
         if faces.is_empty() {
             return Err(InvalidMesh::Empty);
         }
-        if let Some(vertex) = vertices
-            .iter()
-            .position(|p| !p.iter().all(|c| c.is_finite()))
-        {
+        if let Some(vertex) = vertices.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
             return Err(InvalidMesh::NotFinite { vertex });
         }
         let mut referenced = vec![false; vertices.len()];
         for (face, &[a, b, c]) in faces.iter().enumerate() {
             for index in [a, b, c] {
                 let Some(seen) = referenced.get_mut(index as usize) else {
-                    return Err(InvalidMesh::OutOfRange {
-                        face,
-                        index,
-                        vertices: vertices.len(),
-                    });
+                    return Err(InvalidMesh::OutOfRange { face, index, vertices: vertices.len() });
                 };
                 *seen = true;
             }
@@ -105,9 +94,7 @@ impl TriMesh {
 
     /// The area of every triangle, |τ_j|.
     pub fn face_areas(&self) -> impl Iterator<Item = f64> + '_ {
-        self.faces
-            .iter()
-            .map(|&face| triangle_area(self.corners(face)))
+        self.faces.iter().map(|&face| triangle_area(self.corners(face)))
     }
 
     /// The surface area.
@@ -149,11 +136,7 @@ pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// a × b.
 pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// The Euclidean length of a vector of ℝ³.
@@ -189,11 +172,7 @@ mod tests {
         assert_eq!(TriMesh::new(four(), vec![]), Err(InvalidMesh::Empty));
         assert_eq!(
             TriMesh::new(four(), vec![[0, 1, 9]]),
-            Err(InvalidMesh::OutOfRange {
-                face: 0,
-                index: 9,
-                vertices: 4
-            })
+            Err(InvalidMesh::OutOfRange { face: 0, index: 9, vertices: 4 })
         );
         assert_eq!(
             TriMesh::new(four(), vec![[0, 1, 2], [3, 1, 1]]),

@@ -36,33 +36,21 @@ pub fn mass(mesh: &TriMesh, kind: MassKind) -> Sparse {
 
 fn lumped(mesh: &TriMesh) -> Sparse {
     let n = mesh.n();
-    Sparse::new(
-        (n, n),
-        (0..=n).collect(),
-        (0..n).collect(),
-        mesh.vertex_areas(),
-    )
+    Sparse::new((n, n), (0..=n).collect(), (0..n).collect(), mesh.vertex_areas())
 }
 
 /// (11) with positive entries: |τ|/12 off the diagonal and |τ|/6 on it, for every triangle.
 fn consistent(mesh: &TriMesh) -> Sparse {
-    let entries = mesh
-        .faces()
-        .iter()
-        .zip(mesh.face_areas())
-        .flat_map(|(&face, area)| {
-            face.into_iter().flat_map(move |i| {
-                face.map(|j| (i, j, if i == j { area / 6.0 } else { area / 12.0 }))
-            })
-        });
+    let entries = mesh.faces().iter().zip(mesh.face_areas()).flat_map(|(&face, area)| {
+        face.into_iter()
+            .flat_map(move |i| face.map(|j| (i, j, if i == j { area / 6.0 } else { area / 12.0 })))
+    });
     assemble(mesh.n(), entries)
 }
 
 /// The row sums of a mass matrix: the vertex areas, whichever its kind. Length n.
 pub fn row_sums(mass: &Sparse) -> Vec<f64> {
-    mass.outer_iterator()
-        .map(|row| row.data().iter().sum())
-        .collect()
+    mass.outer_iterator().map(|row| row.data().iter().sum()).collect()
 }
 
 #[cfg(test)]
@@ -84,11 +72,8 @@ mod tests {
     #[test]
     fn consistent_mass_integrates_products_of_linear_functions() {
         // ∫ x² over the triangle (0,0), (1,0), (0,1) is 1/12.
-        let mesh = TriMesh::new(
-            vec![[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]],
-            vec![[0, 1, 2]],
-        )
-        .unwrap();
+        let mesh =
+            TriMesh::new(vec![[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], vec![[0, 1, 2]]).unwrap();
         let b = mass(&mesh, MassKind::Consistent);
         assert!((b.get(1, 1).unwrap() - 1.0 / 12.0).abs() < 1e-16);
     }

@@ -10,13 +10,11 @@ pub fn cotangent_stiffness(mesh: &TriMesh) -> Sparse {
     let entries = mesh.faces().iter().flat_map(|&face| {
         let corners = mesh.corners(face);
         // Corner i is opposite to the edge (j, k).
-        [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
-            .into_iter()
-            .flat_map(move |(i, j, k)| {
-                let half = 0.5 * cotangent(corners[i], corners[j], corners[k]);
-                let (a, b) = (face[j], face[k]);
-                [(a, b, -half), (b, a, -half), (a, a, half), (b, b, half)]
-            })
+        [(0, 1, 2), (1, 2, 0), (2, 0, 1)].into_iter().flat_map(move |(i, j, k)| {
+            let half = 0.5 * cotangent(corners[i], corners[j], corners[k]);
+            let (a, b) = (face[j], face[k]);
+            [(a, b, -half), (b, a, -half), (a, a, half), (b, b, half)]
+        })
     });
     assemble(mesh.n(), entries)
 }
@@ -34,11 +32,8 @@ mod tests {
 
     #[test]
     fn the_unit_right_triangle_has_its_textbook_stiffness() {
-        let mesh = TriMesh::new(
-            vec![[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]],
-            vec![[0, 1, 2]],
-        )
-        .unwrap();
+        let mesh =
+            TriMesh::new(vec![[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], vec![[0, 1, 2]]).unwrap();
         let l = cotangent_stiffness(&mesh);
         let expected = [[1.0, -0.5, -0.5], [-0.5, 0.5, 0.0], [-0.5, 0.0, 0.5]];
         for (i, row) in expected.iter().enumerate() {

@@ -118,21 +118,12 @@ pub fn certify(
     references: &References,
 ) -> Result<Certificate, SpectrumError> {
     let k = vectors.ncols();
-    let (lx, bx) = (
-        product(pencil.stiffness, vectors),
-        product(pencil.mass, vectors),
-    );
+    let (lx, bx) = (product(pencil.stiffness, vectors), product(pencil.mass, vectors));
     let gram = inner(vectors, &bx);
-    let thetas: Vec<f64> = (0..k)
-        .map(|j| dot(column(vectors, j), column(&lx, j)) / gram[(j, j)])
-        .collect();
+    let thetas: Vec<f64> =
+        (0..k).map(|j| dot(column(vectors, j), column(&lx, j)) / gram[(j, j)]).collect();
     let runs = references.clusters();
-    let lambda2 = references
-        .fem
-        .values
-        .iter()
-        .copied()
-        .find(|&v| v > tiny(references));
+    let lambda2 = references.fem.values.iter().copied().find(|&v| v > tiny(references));
     let angles = |reference: &Eigenpairs| cluster_angles(pencil.mass, vectors, reference, &runs);
     let (angles_fem, angles_mpgd) = (angles(&references.fem), angles(&references.mpgd));
     let mass_solver = MassSolver::new(pencil)?;
@@ -140,10 +131,7 @@ pub fn certify(
         .map(|j| {
             let residual =
                 Dense::from_fn(pencil.n(), 1, |i, _| lx[(i, j)] - thetas[j] * bx[(i, j)]);
-            let cluster = runs
-                .iter()
-                .position(|run| run.contains(&j))
-                .unwrap_or(runs.len());
+            let cluster = runs.iter().position(|run| run.contains(&j)).unwrap_or(runs.len());
             Ok(PairCertificate {
                 lambda: thetas[j],
                 cluster,
@@ -170,11 +158,7 @@ pub fn certify(
 /// sin of the angle is ‖(I − UUᵀB)v‖ maximised over the smaller space, which is exact for small angles where
 /// the cosine is not.
 pub fn principal_angle(mass: &Sparse, x: &Dense, y: &Dense) -> f64 {
-    let (small, large) = if x.ncols() <= y.ncols() {
-        (x, y)
-    } else {
-        (y, x)
-    };
+    let (small, large) = if x.ncols() <= y.ncols() { (x, y) } else { (y, x) };
     let (small, large) = (orthonormal(mass, small), orthonormal(mass, large));
     if small.ncols() == 0 || large.ncols() == 0 {
         return f64::NAN;
@@ -183,13 +167,7 @@ pub fn principal_angle(mass: &Sparse, x: &Dense, y: &Dense) -> f64 {
     let coefficients = inner(&product(mass, &large), &small);
     rest -= combine(&large, &coefficients);
     let sine_squared = super::rayleigh_ritz::symmetric_eigen(&projection(mass, &rest)).0;
-    sine_squared
-        .last()
-        .copied()
-        .unwrap_or(0.0)
-        .clamp(0.0, 1.0)
-        .sqrt()
-        .asin()
+    sine_squared.last().copied().unwrap_or(0.0).clamp(0.0, 1.0).sqrt().asin()
 }
 
 fn orthonormal(mass: &Sparse, x: &Dense) -> Dense {
@@ -225,11 +203,7 @@ fn energy_residual(
     lambda2: Option<f64>,
 ) -> Result<f64, SpectrumError> {
     let lambda2 = lambda2.unwrap_or(theta);
-    let mu = if theta > 1e-6 * lambda2 {
-        theta
-    } else {
-        lambda2
-    };
+    let mu = if theta > 1e-6 * lambda2 { theta } else { lambda2 };
     let mut solution = residual.clone();
     analysis.cholesky(mu)?.solve_in_place(&mut solution);
     let square = dot(column(residual, 0), column(&solution, 0));
@@ -244,21 +218,13 @@ struct MassSolver<'a> {
 
 impl<'a> MassSolver<'a> {
     fn new(pencil: Pencil<'a>) -> Result<Self, SpectrumError> {
-        Ok(Self {
-            mass: pencil.mass,
-            lumped: pencil.mass.nnz() == pencil.n(),
-        })
+        Ok(Self { mass: pencil.mass, lumped: pencil.mass.nnz() == pencil.n() })
     }
 
     fn inverse_norm(&self, r: &Dense) -> f64 {
         let r = column(r, 0);
         if self.lumped {
-            return r
-                .iter()
-                .zip(self.mass.data())
-                .map(|(r, b)| r * r / b)
-                .sum::<f64>()
-                .sqrt();
+            return r.iter().zip(self.mass.data()).map(|(r, b)| r * r / b).sum::<f64>().sqrt();
         }
         // The consistent mass is spectrally equivalent to its diagonal (condition below 10 after scaling):
         // conjugate gradients reach rounding in a few dozen steps, whatever n.
@@ -288,9 +254,7 @@ fn conjugate_gradients(m: &Sparse, r: &[f64]) -> Vec<f64> {
         r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
         z = precondition(&r);
         let next = dot(&r, &z);
-        p.iter_mut()
-            .zip(&z)
-            .for_each(|(p, z)| *p = z + next / rz * *p);
+        p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + next / rz * *p);
         rz = next;
     }
     x
@@ -305,11 +269,7 @@ fn completeness(
 ) -> Result<Completeness, SpectrumError> {
     let k = vectors.ncols();
     let values = &references.fem.values;
-    let run = runs
-        .iter()
-        .find(|run| run.contains(&(k - 1)))
-        .cloned()
-        .unwrap_or(k - 1..k);
+    let run = runs.iter().find(|run| run.contains(&(k - 1))).cloned().unwrap_or(k - 1..k);
     let (a, m) = pencil.projected(vectors);
     let ritz = ritz_pairs(&a, &m, 1e-12).values;
     let found_below = |sigma: f64| ritz.iter().filter(|&&theta| theta < sigma).count();
@@ -323,27 +283,14 @@ fn completeness(
     let found = found_below(sigma);
     let cut_cluster = run.end > k;
     let complete = if cut_cluster {
-        let below = if run.start == 0 {
-            Some(0)
-        } else {
-            count_below(analysis, gap_above(run.start))?
-        };
-        let found_under = if run.start == 0 {
-            0
-        } else {
-            found_below(gap_above(run.start))
-        };
+        let below =
+            if run.start == 0 { Some(0) } else { count_below(analysis, gap_above(run.start))? };
+        let found_under = if run.start == 0 { 0 } else { found_below(gap_above(run.start)) };
         found == k && below == Some(found_under)
     } else {
         count == Some(found)
     };
-    Ok(Completeness {
-        sigma,
-        count,
-        found,
-        complete,
-        cut_cluster,
-    })
+    Ok(Completeness { sigma, count, found, complete, cut_cluster })
 }
 
 /// Below this an eigenvalue counts as zero.

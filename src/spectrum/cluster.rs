@@ -36,10 +36,7 @@ mod tests {
 
     #[test]
     fn several_components_share_the_zero_cluster() {
-        assert_eq!(
-            clusters(&[-1e-15, 1e-14, 3.0, 7.0], CLUSTER_GAP),
-            vec![0..2, 2..3, 3..4]
-        );
+        assert_eq!(clusters(&[-1e-15, 1e-14, 3.0, 7.0], CLUSTER_GAP), vec![0..2, 2..3, 3..4]);
         assert!(clusters(&[], CLUSTER_GAP).is_empty());
     }
 }

@@ -34,10 +34,7 @@ impl Eigenpairs {
 
     /// The first `k` pairs.
     pub fn truncated(&self, k: usize) -> Self {
-        Self {
-            values: self.values[..k].to_vec(),
-            vectors: self.vectors.subcols(0, k).to_owned(),
-        }
+        Self { values: self.values[..k].to_vec(), vectors: self.vectors.subcols(0, k).to_owned() }
     }
 
     /// Fixes what the eigenproblem leaves open.
@@ -50,9 +47,7 @@ impl Eigenpairs {
             if run.len() > 1 {
                 let block = self.vectors.subcols(run.start, run.len()).to_owned();
                 let rotated = combine(&block, &pivoted_basis(&block));
-                self.vectors
-                    .subcols_mut(run.start, run.len())
-                    .copy_from(rotated);
+                self.vectors.subcols_mut(run.start, run.len()).copy_from(rotated);
             }
         }
         for j in 0..self.len() {
@@ -83,14 +78,10 @@ fn pivoted_basis(block: &Dense) -> Dense {
     let mut rotation = Dense::zeros(m, 0);
     let mut rest = block.clone();
     for _ in 0..m {
-        let norms: Vec<f64> = (0..rest.nrows())
-            .map(|i| (0..m).map(|j| rest[(i, j)] * rest[(i, j)]).sum())
-            .collect();
+        let norms: Vec<f64> =
+            (0..rest.nrows()).map(|i| (0..m).map(|j| rest[(i, j)] * rest[(i, j)]).sum()).collect();
         let largest = norms.iter().fold(0.0_f64, |a, &b| a.max(b));
-        let pivot = norms
-            .iter()
-            .position(|&v| v >= largest * (1.0 - SIGN_TIE))
-            .unwrap_or(0);
+        let pivot = norms.iter().position(|&v| v >= largest * (1.0 - SIGN_TIE)).unwrap_or(0);
         let length = norms[pivot].sqrt().max(f64::MIN_POSITIVE);
         let mut direction = Dense::from_fn(m, 1, |j, _| rest[(pivot, j)] / length);
         // Once more against what is there already: the pivots shrink, rounding does not.
@@ -98,11 +89,7 @@ fn pivoted_basis(block: &Dense) -> Dense {
             let c: f64 = (0..m).map(|j| rotation[(j, k)] * direction[(j, 0)]).sum();
             (0..m).for_each(|j| direction[(j, 0)] -= c * rotation[(j, k)]);
         }
-        let length = column(&direction, 0)
-            .iter()
-            .map(|v| v * v)
-            .sum::<f64>()
-            .sqrt();
+        let length = column(&direction, 0).iter().map(|v| v * v).sum::<f64>().sqrt();
         (0..m).for_each(|j| direction[(j, 0)] /= length);
         let along = combine(&rest, &direction);
         for j in 0..m {
@@ -112,11 +99,7 @@ fn pivoted_basis(block: &Dense) -> Dense {
             }
         }
         rotation = Dense::from_fn(m, rotation.ncols() + 1, |i, j| {
-            if j < rotation.ncols() {
-                rotation[(i, j)]
-            } else {
-                direction[(i, 0)]
-            }
+            if j < rotation.ncols() { rotation[(i, j)] } else { direction[(i, 0)] }
         });
     }
     rotation
@@ -142,10 +125,7 @@ mod tests {
         let qr = base.qr().compute_thin_Q();
         let (s, c) = 0.7_f64.sin_cos();
         let turn = Dense::from_fn(2, 2, |i, j| [[c, -s], [s, c]][i][j]);
-        let pairs = |vectors| Eigenpairs {
-            values: vec![3.0, 3.0],
-            vectors,
-        };
+        let pairs = |vectors| Eigenpairs { values: vec![3.0, 3.0], vectors };
         let a = pairs(qr.clone()).canonical();
         let b = pairs(combine(&qr, &turn)).canonical();
         for i in 0..n {

@@ -36,20 +36,15 @@ impl<'a> Analysis<'a> {
             CholeskySymbolicParams::default(),
         )
         .map_err(|_| SpectrumError::OutOfMemory { n: pencil.n() })?;
-        Ok(Self {
-            pencil,
-            lower,
-            symbolic,
-        })
+        Ok(Self { pencil, lower, symbolic })
     }
 
     /// Cholesky of L + μB, μ > 0.
     pub fn cholesky(&self, mu: f64) -> Result<Cholesky<'_>, SpectrumError> {
         let matrix = self.lower.shifted(self.pencil, mu);
         let mut values = vec![0.0; self.symbolic.len_val()];
-        let scratch = self
-            .symbolic
-            .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let scratch =
+            self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         self.symbolic
             .factorize_numeric_llt(
                 &mut values,
@@ -60,25 +55,19 @@ impl<'a> Analysis<'a> {
                 MemStack::new(&mut self.buffer(scratch)?),
                 Default::default(),
             )
-            .map_err(
-                |LltError::NonPositivePivot { index }| SpectrumError::Breakdown {
-                    shift: mu,
-                    pivot: index,
-                },
-            )?;
-        Ok(Cholesky {
-            symbolic: &self.symbolic,
-            values,
-        })
+            .map_err(|LltError::NonPositivePivot { index }| SpectrumError::Breakdown {
+                shift: mu,
+                pivot: index,
+            })?;
+        Ok(Cholesky { symbolic: &self.symbolic, values })
     }
 
     /// The diagonal D of L − σB = R D Rᵀ, unregularised, in elimination order.
     pub fn ldlt_diagonal(&self, sigma: f64) -> Result<Vec<f64>, SpectrumError> {
         let matrix = self.lower.shifted(self.pencil, -sigma);
         let mut values = vec![0.0; self.symbolic.len_val()];
-        let scratch = self
-            .symbolic
-            .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        let scratch =
+            self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
         self.symbolic
             .factorize_numeric_ldlt(
                 &mut values,
@@ -104,9 +93,7 @@ impl<'a> Analysis<'a> {
 impl Cholesky<'_> {
     /// X ← (L + μB)⁻¹ X.
     pub fn solve_in_place(&self, x: &mut Dense) {
-        let scratch = self
-            .symbolic
-            .solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
+        let scratch = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
         let mut buffer = MemBuffer::new(scratch);
         LltRef::new(self.symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
@@ -121,10 +108,7 @@ fn diagonal(symbolic: &SymbolicCholeskyRaw<usize>, values: &[f64]) -> Vec<f64> {
     match symbolic {
         SymbolicCholeskyRaw::Simplicial(symbolic) => {
             let values = SimplicialLdltRef::new(symbolic, values).values();
-            symbolic.col_ptr()[..symbolic.ncols()]
-                .iter()
-                .map(|&start| values[start])
-                .collect()
+            symbolic.col_ptr()[..symbolic.ncols()].iter().map(|&start| values[start]).collect()
         }
         SymbolicCholeskyRaw::Supernodal(symbolic) => {
             let factor = SupernodalLdltRef::new(symbolic, values);
@@ -149,20 +133,10 @@ impl Lower {
         let n = pencil.n();
         let mut pointers = vec![0];
         let mut rows = Vec::with_capacity(pencil.stiffness.nnz() / 2 + n);
-        for (l, b) in pencil
-            .stiffness
-            .outer_iterator()
-            .zip(pencil.mass.outer_iterator())
-        {
+        for (l, b) in pencil.stiffness.outer_iterator().zip(pencil.mass.outer_iterator()) {
             let i = pointers.len() - 1;
             let start = rows.len();
-            rows.extend(
-                l.indices()
-                    .iter()
-                    .chain(b.indices())
-                    .copied()
-                    .filter(|&j| j >= i),
-            );
+            rows.extend(l.indices().iter().chain(b.indices()).copied().filter(|&j| j >= i));
             rows[start..].sort_unstable();
             let mut end = start;
             for k in start..rows.len() {
@@ -176,9 +150,7 @@ impl Lower {
         }
         let values = vec![0.0; rows.len()];
         let symbolic = SymbolicSparseColMat::new_checked(n, n, pointers, None, rows);
-        Self {
-            matrix: SparseColMat::new(symbolic, values),
-        }
+        Self { matrix: SparseColMat::new(symbolic, values) }
     }
 
     fn shifted(&self, pencil: Pencil<'_>, mu: f64) -> SparseColMat<usize, f64> {

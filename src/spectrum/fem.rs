@@ -58,10 +58,8 @@ fn refine(
     let (a, m) = pencil.projected(&x);
     let ritz = ritz_pairs(&a, &m, 0.0);
     let coefficients = ritz.coefficients.subcols(0, count).to_owned();
-    let pairs = Eigenpairs {
-        values: ritz.values[..count].to_vec(),
-        vectors: combine(&x, &coefficients),
-    };
+    let pairs =
+        Eigenpairs { values: ritz.values[..count].to_vec(), vectors: combine(&x, &coefficients) };
     Ok(pairs.canonical())
 }
 
@@ -109,10 +107,7 @@ impl<'p, 'f> Krylov<'p, 'f> {
             let scale = values.first().copied().unwrap_or(1.0);
             let complete = dimension == n;
             if dimension >= wanted && (complete || residual <= TOLERANCE * scale) {
-                return Ok(combine(
-                    &krylov.basis,
-                    &coefficients.subcols(0, ritz_count).to_owned(),
-                ));
+                return Ok(combine(&krylov.basis, &coefficients.subcols(0, ritz_count).to_owned()));
             }
             if dimension >= limit {
                 // In terms of λ: |δ(1/(λ+μ))| = δλ/(λ+μ)².
@@ -146,11 +141,7 @@ impl<'p, 'f> Krylov<'p, 'f> {
             added += fresh.ncols();
             self.basis = beside(&self.basis, &fresh);
             self.b_basis = beside(&self.b_basis, &b_fresh);
-            candidate = if added < goal {
-                self.random_block(goal - added)
-            } else {
-                fresh
-            };
+            candidate = if added < goal { self.random_block(goal - added) } else { fresh };
         }
         added
     }
@@ -159,10 +150,7 @@ impl<'p, 'f> Krylov<'p, 'f> {
     fn independent(&self, mut block: Dense, most: usize) -> Dense {
         let norms = |x: &Dense| -> f64 {
             let gram = inner(x, &product(self.pencil.mass, x));
-            (0..gram.ncols())
-                .map(|i| gram[(i, i)])
-                .fold(0.0, f64::max)
-                .sqrt()
+            (0..gram.ncols()).map(|i| gram[(i, i)]).fold(0.0, f64::max).sqrt()
         };
         let before = norms(&block).max(f64::MIN_POSITIVE);
         for pass in 0..3 {
@@ -170,16 +158,9 @@ impl<'p, 'f> Krylov<'p, 'f> {
             let gram = inner(&block, &product(self.pencil.mass, &block));
             let (scales, directions) = symmetric_eigen(&gram);
             // First pass: against the size it came with. Later: everything left is of unit size.
-            let floor = if pass == 0 {
-                (BREAKDOWN * before).powi(2)
-            } else {
-                1e-4
-            };
-            let kept: Vec<usize> = (0..scales.len())
-                .rev()
-                .filter(|&i| scales[i] > floor)
-                .take(most)
-                .collect();
+            let floor = if pass == 0 { (BREAKDOWN * before).powi(2) } else { 1e-4 };
+            let kept: Vec<usize> =
+                (0..scales.len()).rev().filter(|&i| scales[i] > floor).take(most).collect();
             let whitening = Dense::from_fn(scales.len(), kept.len(), |i, j| {
                 directions[(i, kept[j])] / scales[kept[j]].sqrt()
             });
@@ -194,8 +175,7 @@ impl<'p, 'f> Krylov<'p, 'f> {
         let mut x = self.b_basis.subcols(first, columns).to_owned();
         self.factor.solve_in_place(&mut x);
         let t = inner(&self.b_basis, &x);
-        self.projected
-            .extend((0..columns).map(|j| (0..t.nrows()).map(|i| t[(i, j)]).collect()));
+        self.projected.extend((0..columns).map(|j| (0..t.nrows()).map(|i| t[(i, j)]).collect()));
         x
     }
 
@@ -241,9 +221,7 @@ fn largest_residual(gram: &Dense, coefficients: &Dense, count: usize) -> f64 {
 fn beside(left: &Dense, right: &Dense) -> Dense {
     let mut joined = Dense::zeros(left.nrows(), left.ncols() + right.ncols());
     joined.subcols_mut(0, left.ncols()).copy_from(left);
-    joined
-        .subcols_mut(left.ncols(), right.ncols())
-        .copy_from(right);
+    joined.subcols_mut(left.ncols(), right.ncols()).copy_from(right);
     joined
 }
 
@@ -297,9 +275,6 @@ mod tests {
         // The icosahedron's vertices: 0, and multiplicities 3, 5, 3 from its symmetry.
         let pairs = solve(0, MassKind::Lumped, 12);
         let runs = super::super::cluster::clusters(&pairs.values, 1e-6);
-        assert_eq!(
-            runs.iter().map(ExactSizeIterator::len).collect::<Vec<_>>(),
-            [1, 3, 5, 3]
-        );
+        assert_eq!(runs.iter().map(ExactSizeIterator::len).collect::<Vec<_>>(), [1, 3, 5, 3]);
     }
 }

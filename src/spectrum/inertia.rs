@@ -15,16 +15,9 @@ const ROBUSTNESS: f64 = 1e-6;
 /// [`SpectrumError::Breakdown`] when a pivot vanishes.
 pub fn count_below(analysis: &Analysis<'_>, sigma: f64) -> Result<Option<usize>, SpectrumError> {
     let count = |sigma: f64| -> Result<usize, SpectrumError> {
-        Ok(analysis
-            .ldlt_diagonal(sigma)?
-            .iter()
-            .filter(|&&d| d < 0.0)
-            .count())
+        Ok(analysis.ldlt_diagonal(sigma)?.iter().filter(|&&d| d < 0.0).count())
     };
-    let (below, above) = (
-        count(sigma * (1.0 - ROBUSTNESS))?,
-        count(sigma * (1.0 + ROBUSTNESS))?,
-    );
+    let (below, above) = (count(sigma * (1.0 - ROBUSTNESS))?, count(sigma * (1.0 + ROBUSTNESS))?);
     Ok((below == above).then_some(below))
 }
 
@@ -43,10 +36,7 @@ mod tests {
             for l in 0..4_usize {
                 // Halfway between l(l+1) and (l+1)(l+2).
                 let sigma = ((l + 1) * (l + 1)) as f64;
-                assert_eq!(
-                    count_below(&analysis, sigma).unwrap(),
-                    Some((l + 1) * (l + 1))
-                );
+                assert_eq!(count_below(&analysis, sigma).unwrap(), Some((l + 1) * (l + 1)));
             }
         }
     }

@@ -44,11 +44,7 @@ pub enum SpectrumError {
         "the reference solver stopped after {iterations} iterations with residual {residual:.3e} \
          where {goal:.3e} was asked; the mesh is too badly conditioned: look at it with `chladni info`"
     )]
-    NotConverged {
-        iterations: usize,
-        residual: f64,
-        goal: f64,
-    },
+    NotConverged { iterations: usize, residual: f64, goal: f64 },
     /// There was no memory for the factor.
     #[error("there is not enough memory to factorise a matrix with {n} rows")]
     OutOfMemory { n: usize },

@@ -91,11 +91,7 @@ fn descend(
     let [mut lt, mut bt, mut d, mut ld, mut bd] = std::array::from_fn(|_| vec![0.0; n]);
     apply(pencil.stiffness, &t, &mut lt);
     apply(pencil.mass, &t, &mut bt);
-    let mut run = Run {
-        iterations: 0,
-        change: f64::INFINITY,
-        stopped_by: StoppedBy::Count,
-    };
+    let mut run = Run { iterations: 0, change: f64::INFINITY, stopped_by: StoppedBy::Count };
     while run.iterations < stopping.max_iterations {
         if run.iterations % 256 == 0 && run.iterations > 0 {
             if cancelled() {
@@ -117,10 +113,9 @@ fn descend(
         constraint.project(&mut d);
         apply(pencil.stiffness, &d, &mut ld);
         apply(pencil.mass, &d, &mut bd);
-        let Some(alpha) = exact_step(
-            [tlt, dot(&t, &ld), dot(&d, &ld)],
-            [tbt, dot(&t, &bd), dot(&d, &bd)],
-        ) else {
+        let Some(alpha) =
+            exact_step([tlt, dot(&t, &ld), dot(&d, &ld)], [tbt, dot(&t, &bd), dot(&d, &bd)])
+        else {
             run.change = 0.0;
             run.stopped_by = StoppedBy::Tolerance;
             break;
@@ -152,11 +147,7 @@ fn exact_step(l: [f64; 3], b: [f64; 3]) -> Option<f64> {
     let r = l0 * b1 - l1 * b0;
     let root = (q * q - 4.0 * p * r).max(0.0).sqrt();
     // Two forms of (−q + √…)/2p, each free of cancellation for its sign of q.
-    let alpha = if q >= 0.0 {
-        -2.0 * r / (q + root)
-    } else {
-        (root - q) / (2.0 * p)
-    };
+    let alpha = if q >= 0.0 { -2.0 * r / (q + root) } else { (root - q) / (2.0 * p) };
     (alpha.is_finite() && alpha != 0.0).then_some(alpha)
 }
 
@@ -169,11 +160,7 @@ struct Constraint<'a> {
 
 impl<'a> Constraint<'a> {
     fn new(pencil: Pencil<'a>, capacity: usize) -> Self {
-        Self {
-            pencil,
-            phi: Vec::with_capacity(capacity),
-            b_phi: Vec::with_capacity(capacity),
-        }
+        Self { pencil, phi: Vec::with_capacity(capacity), b_phi: Vec::with_capacity(capacity) }
     }
 
     /// Adds an eigenfunction, normalised as in (20).
@@ -199,12 +186,7 @@ impl<'a> Constraint<'a> {
 fn dot(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (xs, ys) = (x.chunks_exact(8), y.chunks_exact(8));
-    let tail: f64 = xs
-        .remainder()
-        .iter()
-        .zip(ys.remainder())
-        .map(|(a, b)| a * b)
-        .sum();
+    let tail: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(a, b)| a * b).sum();
     for (x, y) in xs.zip(ys) {
         for k in 0..8 {
             sums[k] += x[k] * y[k];
@@ -226,14 +208,9 @@ mod tests {
             let operators = Operators::assemble(&icosphere(2), kind);
             let pencil = Pencil::from(&operators);
             let reference = fem::lowest(pencil, &Analysis::new(pencil).unwrap(), 9).unwrap();
-            let stopping = Stopping {
-                tolerance: 1e-9,
-                max_iterations: 20_000,
-            };
+            let stopping = Stopping { tolerance: 1e-9, max_iterations: 20_000 };
             let (pairs, runs) = lowest(pencil, &reference.truncated(1), 9, stopping, 7, &|| false);
-            for (run, (a, b)) in runs
-                .iter()
-                .zip(pairs.values.iter().zip(&reference.values).skip(1))
+            for (run, (a, b)) in runs.iter().zip(pairs.values.iter().zip(&reference.values).skip(1))
             {
                 assert_eq!(run.stopped_by, StoppedBy::Tolerance);
                 assert!((a / b - 1.0).abs() < 1e-9, "{kind:?}: {a} {b}");

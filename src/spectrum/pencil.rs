@@ -16,10 +16,7 @@ pub struct Pencil<'a> {
 
 impl<'a> From<&'a Operators> for Pencil<'a> {
     fn from(operators: &'a Operators) -> Self {
-        Self {
-            stiffness: &operators.stiffness,
-            mass: &operators.mass,
-        }
+        Self { stiffness: &operators.stiffness, mass: &operators.mass }
     }
 }
 
@@ -60,11 +57,7 @@ pub fn apply(a: &Sparse, x: &[f64], y: &mut [f64]) {
     let indptr = a.indptr();
     for (row, y) in y.iter_mut().enumerate() {
         let range = indptr.outer_inds_sz(row);
-        *y = indices[range.clone()]
-            .iter()
-            .zip(&data[range])
-            .map(|(&j, v)| v * x[j])
-            .sum();
+        *y = indices[range.clone()].iter().zip(&data[range]).map(|(&j, v)| v * x[j]).sum();
     }
 }
 
@@ -92,28 +85,14 @@ pub fn projection(a: &Sparse, x: &Dense) -> Dense {
 /// XᵀY.
 pub fn inner(x: &Dense, y: &Dense) -> Dense {
     let mut p = Dense::zeros(x.ncols(), y.ncols());
-    matmul(
-        p.as_mut(),
-        Accum::Replace,
-        x.transpose(),
-        y.as_ref(),
-        1.0,
-        Par::Seq,
-    );
+    matmul(p.as_mut(), Accum::Replace, x.transpose(), y.as_ref(), 1.0, Par::Seq);
     p
 }
 
 /// X C.
 pub fn combine(x: &Dense, c: &Dense) -> Dense {
     let mut y = Dense::zeros(x.nrows(), c.ncols());
-    matmul(
-        y.as_mut(),
-        Accum::Replace,
-        x.as_ref(),
-        c.as_ref(),
-        1.0,
-        Par::Seq,
-    );
+    matmul(y.as_mut(), Accum::Replace, x.as_ref(), c.as_ref(), 1.0, Par::Seq);
     y
 }
 
@@ -123,28 +102,15 @@ pub fn project_out(x: &mut Dense, phi: &Dense, b_phi: &Dense) {
         return;
     }
     let coefficients = inner(b_phi, x);
-    matmul(
-        x.as_mut(),
-        Accum::Add,
-        phi.as_ref(),
-        coefficients.as_ref(),
-        -1.0,
-        Par::Seq,
-    );
+    matmul(x.as_mut(), Accum::Add, phi.as_ref(), coefficients.as_ref(), -1.0, Par::Seq);
 }
 
 /// Column `j` as a slice.
 pub fn column(x: &Dense, j: usize) -> &[f64] {
-    x.col(j)
-        .try_as_col_major()
-        .expect("columns of Dense are contiguous")
-        .as_slice()
+    x.col(j).try_as_col_major().expect("columns of Dense are contiguous").as_slice()
 }
 
 /// Column `j` as a mutable slice.
 pub fn column_mut(x: &mut Dense, j: usize) -> &mut [f64] {
-    x.col_mut(j)
-        .try_as_col_major_mut()
-        .expect("columns of Dense are contiguous")
-        .as_slice_mut()
+    x.col_mut(j).try_as_col_major_mut().expect("columns of Dense are contiguous").as_slice_mut()
 }

@@ -20,17 +20,13 @@ pub struct RitzPairs {
 pub fn ritz_pairs(a: &Dense, m: &Dense, cutoff: f64) -> RitzPairs {
     let (scales, directions) = symmetric_eigen(m);
     let largest = scales.last().copied().unwrap_or(0.0);
-    let kept: Vec<usize> = (0..scales.len())
-        .filter(|&i| scales[i] > cutoff * largest && scales[i] > 0.0)
-        .collect();
+    let kept: Vec<usize> =
+        (0..scales.len()).filter(|&i| scales[i] > cutoff * largest && scales[i] > 0.0).collect();
     let whitening = Dense::from_fn(m.nrows(), kept.len(), |i, j| {
         directions[(i, kept[j])] / scales[kept[j]].sqrt()
     });
     let (values, vectors) = symmetric_eigen(&congruence(a, &whitening));
-    RitzPairs {
-        values,
-        coefficients: times(whitening.as_ref(), vectors.as_ref()),
-    }
+    RitzPairs { values, coefficients: times(whitening.as_ref(), vectors.as_ref()) }
 }
 
 /// All eigenvalues (ascending) and orthonormal eigenvectors of a symmetric matrix (its lower triangle is read).
@@ -39,15 +35,9 @@ pub fn symmetric_eigen(a: &Dense) -> (Vec<f64>, Dense) {
         return (Vec::new(), Dense::zeros(0, 0));
     }
     match a.self_adjoint_eigen(Side::Lower) {
-        Ok(eigen) => (
-            eigen.S().column_vector().iter().copied().collect(),
-            eigen.U().to_owned(),
-        ),
+        Ok(eigen) => (eigen.S().column_vector().iter().copied().collect(), eigen.U().to_owned()),
         // Only matrices with NaN or infinite entries fail; what is not a number stays visibly so.
-        Err(_) => (
-            vec![f64::NAN; a.nrows()],
-            Dense::identity(a.nrows(), a.nrows()),
-        ),
+        Err(_) => (vec![f64::NAN; a.nrows()], Dense::identity(a.nrows(), a.nrows())),
     }
 }
 

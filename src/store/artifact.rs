@@ -78,11 +78,7 @@ pub enum DecodeError {
         "not a valid archive of stage {stage}, schema {schema} ({source}): compute it again; if the bytes are \
          undamaged, the type has changed without a new SCHEMA"
     )]
-    Invalid {
-        stage: &'static str,
-        schema: u32,
-        source: Error,
-    },
+    Invalid { stage: &'static str, schema: u32, source: Error },
 }
 
 const MAGIC: [u8; 8] = *b"chladni\x01";
@@ -95,10 +91,7 @@ const ALIGNMENT: usize = 16;
 pub fn encode<A: Artifact>(artifact: &A) -> Result<AlignedVec, StoreError> {
     let mut bytes = AlignedVec::<ALIGNMENT>::new();
     bytes.extend_from_slice(&envelope::<A>());
-    to_bytes_in(artifact, bytes).map_err(|source| StoreError::Encode {
-        stage: A::STAGE,
-        source,
-    })
+    to_bytes_in(artifact, bytes).map_err(|source| StoreError::Encode { stage: A::STAGE, source })
 }
 
 /// The digest of an artifact's encoding, without storing it: what [`Store::put`](super::Store::put) would return.
@@ -116,17 +109,10 @@ pub fn digest<A: Artifact>(artifact: &A) -> Result<Digest, StoreError> {
 pub fn decode<A: Artifact>(bytes: &AlignedVec) -> Result<A, DecodeError> {
     let archive = bytes
         .strip_prefix(envelope::<A>().as_slice())
-        .ok_or(DecodeError::Foreign {
-            stage: A::STAGE,
-            schema: A::SCHEMA,
-        })?;
+        .ok_or(DecodeError::Foreign { stage: A::STAGE, schema: A::SCHEMA })?;
     let decoded = rkyv::access::<A::Archived, Error>(archive)
         .and_then(|archived| rkyv::deserialize::<A, Error>(archived));
-    decoded.map_err(|source| DecodeError::Invalid {
-        stage: A::STAGE,
-        schema: A::SCHEMA,
-        source,
-    })
+    decoded.map_err(|source| DecodeError::Invalid { stage: A::STAGE, schema: A::SCHEMA, source })
 }
 
 /// The bytes in front of every archive of type `A`.
@@ -177,10 +163,7 @@ mod tests {
             assert!(matches!(error, DecodeError::Foreign { .. }), "byte {at}");
         }
         let nothing = AlignedVec::new();
-        assert!(matches!(
-            decode::<Words>(&nothing),
-            Err(DecodeError::Foreign { .. })
-        ));
+        assert!(matches!(decode::<Words>(&nothing), Err(DecodeError::Foreign { .. })));
     }
 
     #[test]
@@ -197,10 +180,7 @@ mod tests {
         for length in head..bytes.len() {
             let mut cut = AlignedVec::<ALIGNMENT>::new();
             cut.extend_from_slice(&bytes[..length]);
-            assert!(matches!(
-                decode::<Words>(&cut),
-                Err(DecodeError::Invalid { .. })
-            ));
+            assert!(matches!(decode::<Words>(&cut), Err(DecodeError::Invalid { .. })));
         }
     }
 }

@@ -49,12 +49,7 @@ enum Found<T> {
 
 impl Blobs {
     pub fn new(dir: PathBuf, trees: Trees) -> Self {
-        Self {
-            dir,
-            trees,
-            locks: [const { RwLock::new(()) }; LOCKS],
-            used: Mutex::default(),
-        }
+        Self { dir, trees, locks: [const { RwLock::new(()) }; LOCKS], used: Mutex::default() }
     }
 
     /// The cache directory.
@@ -81,18 +76,12 @@ impl Blobs {
             created: now,
             last_use: now,
         };
-        let record = manifest.encode(key).map_err(|source| StoreError::Encode {
-            stage: origin.stage,
-            source,
-        })?;
+        let record = manifest
+            .encode(key)
+            .map_err(|source| StoreError::Encode { stage: origin.stage, source })?;
         let _alone = self.alone(key);
         self.guarded("write an entry", || {
-            let Trees {
-                database,
-                manifests,
-                chunks,
-                ..
-            } = &self.trees;
+            let Trees { database, manifests, chunks, .. } = &self.trees;
             manifests.remove(key.as_bytes())?;
             chunk::remove(chunks, key)?;
             chunk::write(chunks, key, bytes)?;
@@ -171,13 +160,11 @@ impl Blobs {
         if !wanted(&manifest) {
             return Ok(Found::Nothing);
         }
-        Ok(
-            match chunk::read(&self.trees.chunks, key, manifest.length)? {
-                Err(fault) => Found::Faulty(Fault::Chunk(fault)),
-                Ok(bytes) if Digest::of(&bytes) != manifest.digest() => Found::Faulty(Fault::Whole),
-                Ok(bytes) => Found::Sound((manifest, bytes)),
-            },
-        )
+        Ok(match chunk::read(&self.trees.chunks, key, manifest.length)? {
+            Err(fault) => Found::Faulty(Fault::Chunk(fault)),
+            Ok(bytes) if Digest::of(&bytes) != manifest.digest() => Found::Faulty(Fault::Whole),
+            Ok(bytes) => Found::Sound((manifest, bytes)),
+        })
     }
 
     fn find_manifest(&self, key: &CacheKey) -> sled::Result<Found<Manifest>> {
@@ -248,10 +235,7 @@ impl Blobs {
     /// Stamps the manifest with the present time, unless the entry was replaced meanwhile. It is not flushed: a lost
     /// stamp does no harm.
     fn record_use(&self, key: &CacheKey, manifest: &Manifest) {
-        let stamped = Manifest {
-            last_use: unix_now(),
-            ..manifest.clone()
-        };
+        let stamped = Manifest { last_use: unix_now(), ..manifest.clone() };
         let (Ok(old), Ok(new)) = (manifest.encode(key), stamped.encode(key)) else {
             return;
         };
@@ -296,21 +280,13 @@ mod tests {
     }
 
     fn write(blobs: &Blobs, bytes: &[u8]) -> Digest {
-        let origin = Origin {
-            stage: "stage",
-            version: 1,
-            schema: 1,
-            cost: Duration::from_secs(1),
-        };
+        let origin = Origin { stage: "stage", version: 1, schema: 1, cost: Duration::from_secs(1) };
         blobs.write(&KEY, origin, bytes).unwrap()
     }
 
     /// Sets the last use back to 1970 and tells what it is after a read.
     fn last_use_after_read(blobs: &Blobs) -> u64 {
-        let old = Manifest {
-            last_use: 0,
-            ..blobs.manifest(&KEY).unwrap()
-        };
+        let old = Manifest { last_use: 0, ..blobs.manifest(&KEY).unwrap() };
         let record = old.encode(&KEY).unwrap();
         let manifests = &blobs.trees.manifests;
         manifests.insert(KEY.as_bytes(), record.as_slice()).unwrap();

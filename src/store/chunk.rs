@@ -7,7 +7,7 @@
 //! syncs and panics without. A leaf page holds up to 16 records, and 19 while it merges with a neighbour, so
 //! records up to 6.5 KiB keep every page in the log. Measured with 20 values of 5 MB, written once and overwritten
 //! three times: chunks of 64 KiB take 1.4 to 1.8 times the live bytes, of which some 200 are files of that kind;
-//! chunks of 6 KiB take 1.9 to 2.1 times, in one file, at the same speed.
+//! chunks of 6 KiB take 1.9 to 2.1 times, in one file, at some cost in speed.
 
 use std::fmt;
 
@@ -115,17 +115,13 @@ mod tests {
     #[test]
     fn every_length_around_a_chunk_comes_back() {
         let tree = tree();
-        for (n, length) in [0, 1, CHUNK - 1, CHUNK, CHUNK + 1, 64 << 10, 300 << 10]
-            .into_iter()
-            .enumerate()
+        for (n, length) in
+            [0, 1, CHUNK - 1, CHUNK, CHUNK + 1, 64 << 10, 300 << 10].into_iter().enumerate()
         {
             let key = CacheKey::from_bytes([n as u8; 32]);
             let bytes = sample(length);
             write(&tree, &key, &bytes).unwrap();
-            assert_eq!(
-                tree.scan_prefix(key.as_bytes()).count(),
-                length.div_ceil(CHUNK)
-            );
+            assert_eq!(tree.scan_prefix(key.as_bytes()).count(), length.div_ceil(CHUNK));
             let back = read(&tree, &key, length as u64).unwrap().unwrap();
             assert_eq!(back.as_slice(), bytes);
             assert!(length == 0 || (back.as_ptr() as usize).is_multiple_of(16));

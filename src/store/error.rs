@@ -16,11 +16,7 @@ pub enum StoreError {
          (choose one with --cache DIR or CHLADNI_CACHE)",
         path.display()
     )]
-    Directory {
-        doing: &'static str,
-        path: PathBuf,
-        source: io::Error,
-    },
+    Directory { doing: &'static str, path: PathBuf, source: io::Error },
     /// Another process, or another `Store` of this one, holds the directory. `holder` is its process number,
     /// where it could be read.
     #[error(
@@ -36,39 +32,24 @@ pub enum StoreError {
          another directory (--cache DIR or CHLADNI_CACHE)",
         dir.display()
     )]
-    NewerFormat {
-        dir: PathBuf,
-        found: u32,
-        known: u32,
-    },
+    NewerFormat { dir: PathBuf, found: u32, known: u32 },
     /// The database refuses an operation.
     #[error(
         "cannot {doing} in the cache {}: {source}; check the disk and its free space: if the database is \
          damaged, the next run sets it aside and starts a new one",
         dir.display()
     )]
-    Database {
-        doing: &'static str,
-        dir: PathBuf,
-        source: sled::Error,
-    },
+    Database { doing: &'static str, dir: PathBuf, source: sled::Error },
     /// The database panicked, which it does on some kinds of damage to its files.
     #[error(
         "cannot {doing} in the cache {}: the database panicked ({message}); the next run sets it aside and \
          starts a new one",
         dir.display()
     )]
-    Panicked {
-        doing: &'static str,
-        dir: PathBuf,
-        message: String,
-    },
+    Panicked { doing: &'static str, dir: PathBuf, message: String },
     /// An artifact cannot be written as bytes: more than 2 GiB, or a type that rkyv cannot serialize.
     #[error("the result of stage {stage} cannot be encoded for the cache: {source}")]
-    Encode {
-        stage: &'static str,
-        source: rkyv::rancor::Error,
-    },
+    Encode { stage: &'static str, source: rkyv::rancor::Error },
 }
 
 #[cfg(test)]
@@ -77,29 +58,19 @@ mod tests {
 
     #[test]
     fn messages_say_where_and_what_to_do() {
-        let locked = StoreError::Locked {
-            dir: "work/cache".into(),
-            holder: Some(4711),
-        };
+        let locked = StoreError::Locked { dir: "work/cache".into(), holder: Some(4711) };
         assert_eq!(
             locked.to_string(),
             "the cache work/cache is in use by process 4711; wait until it ends, or use another directory \
              (--cache DIR or CHLADNI_CACHE)"
         );
-        let unknown = StoreError::Locked {
-            dir: "work/cache".into(),
-            holder: None,
-        };
+        let unknown = StoreError::Locked { dir: "work/cache".into(), holder: None };
         assert!(unknown.to_string().contains("in use by another process;"));
         let refused = StoreError::Directory {
             doing: "create",
             path: "work/cache".into(),
             source: io::ErrorKind::PermissionDenied.into(),
         };
-        assert!(
-            refused
-                .to_string()
-                .starts_with("cannot create work/cache: permission denied; ")
-        );
+        assert!(refused.to_string().starts_with("cannot create work/cache: permission denied; "));
     }
 }

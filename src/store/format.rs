@@ -41,22 +41,14 @@ pub(super) fn read(dir: &Path) -> Result<Marker, StoreError> {
         Ok(content) => content,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Marker::Absent),
         Err(source) => {
-            return Err(StoreError::Directory {
-                doing: "read",
-                path,
-                source,
-            });
+            return Err(StoreError::Directory { doing: "read", path, source });
         }
     };
     match version(&content) {
         None => Ok(Marker::Unreadable),
         Some(FORMAT) => Ok(Marker::Ours),
         Some(found) if found < FORMAT => Ok(Marker::Older(found)),
-        Some(found) => Err(StoreError::NewerFormat {
-            dir: dir.to_owned(),
-            found,
-            known: FORMAT,
-        }),
+        Some(found) => Err(StoreError::NewerFormat { dir: dir.to_owned(), found, known: FORMAT }),
     }
 }
 
@@ -69,11 +61,7 @@ pub(super) fn write(dir: &Path) -> Result<(), StoreError> {
         file.persist(&path)?;
         Ok(())
     });
-    written.map_err(|source| StoreError::Directory {
-        doing: "write",
-        path,
-        source,
-    })
+    written.map_err(|source| StoreError::Directory { doing: "write", path, source })
 }
 
 fn version(content: &[u8]) -> Option<u32> {
@@ -101,11 +89,7 @@ mod tests {
         assert_eq!(with("chladni store one").unwrap(), Marker::Unreadable);
         assert!(matches!(
             with("chladni store 2\nand more\n"),
-            Err(StoreError::NewerFormat {
-                found: 2,
-                known: 1,
-                ..
-            })
+            Err(StoreError::NewerFormat { found: 2, known: 1, .. })
         ));
     }
 }

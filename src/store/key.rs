@@ -105,8 +105,7 @@ impl KeyBuilder {
     #[must_use]
     pub fn finish(self, seed: u64, precision: &str) -> CacheKey {
         let closed =
-            self.part(Part::Seed, "", &seed.to_le_bytes())
-                .part(Part::Precision, precision, &[]);
+            self.part(Part::Seed, "", &seed.to_le_bytes()).part(Part::Precision, precision, &[]);
         CacheKey(Digest::from_bytes(*closed.hasher.finalize().as_bytes()))
     }
 
@@ -159,10 +158,7 @@ mod tests {
     /// A key that changes means that everything is computed again after an upgrade.
     #[test]
     fn keys_stay_the_same_between_versions() {
-        let key = base()
-            .param("k", "10")
-            .input("mesh", &Digest::of(b"mesh"))
-            .finish(7, "f64");
+        let key = base().param("k", "10").input("mesh", &Digest::of(b"mesh")).finish(7, "f64");
         assert_eq!(
             key.to_string(),
             "2a3284326c409122ed9ede74e7050f82f5546b26a92ec01fd8b9901ea5d646dc"

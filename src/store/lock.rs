@@ -27,11 +27,7 @@ impl DirectoryLock {
         let path = dir.join(FILE);
         let refused = |doing| {
             let path = path.clone();
-            move |source| StoreError::Directory {
-                doing,
-                path,
-                source,
-            }
+            move |source| StoreError::Directory { doing, path, source }
         };
         let mut file = OpenOptions::new()
             .write(true)
@@ -42,10 +38,7 @@ impl DirectoryLock {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                return Err(StoreError::Locked {
-                    dir: dir.to_owned(),
-                    holder: holder(&path),
-                });
+                return Err(StoreError::Locked { dir: dir.to_owned(), holder: holder(&path) });
             }
             Err(TryLockError::Error(source)) => return Err(refused("lock")(source)),
         }

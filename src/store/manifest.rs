@@ -68,9 +68,7 @@ fn checksum(key: &CacheKey, body: &[u8]) -> Digest {
 
 /// Seconds since 1970; 0 on a clock that is set before.
 pub(super) fn unix_now() -> u64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_secs())
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
 
 #[cfg(test)]
@@ -95,10 +93,7 @@ mod tests {
         let key = CacheKey::from_bytes([1; 32]);
         let record = manifest().encode(&key).unwrap();
         assert_eq!(Manifest::decode(&key, &record), Some(manifest()));
-        assert_eq!(
-            Manifest::decode(&CacheKey::from_bytes([2; 32]), &record),
-            None
-        );
+        assert_eq!(Manifest::decode(&CacheKey::from_bytes([2; 32]), &record), None);
         for bit in 0..8 * record.len() {
             let mut damaged = record.to_vec();
             damaged[bit / 8] ^= 1 << (bit % 8);

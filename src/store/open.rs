@@ -68,13 +68,8 @@ impl Store {
         })?;
         let lock = DirectoryLock::take(dir)?;
         let trees = recovery::open_trees(dir)?;
-        let open = Open {
-            blobs: Blobs::new(dir.to_owned(), trees),
-            _lock: lock,
-        };
-        Ok(Self {
-            open: Arc::new(open),
-        })
+        let open = Open { blobs: Blobs::new(dir.to_owned(), trees), _lock: lock };
+        Ok(Self { open: Arc::new(open) })
     }
 
     /// The cache directory, as it was given to [`open`](Self::open).

@@ -71,11 +71,7 @@ pub(super) fn contained<T>(
     // What a panic may leave half done is on the far side of the digests, or in sled, which is then suspect.
     match catch_unwind(AssertUnwindSafe(operation)) {
         Ok(Ok(value)) => Ok(value),
-        Ok(Err(source)) => Err(StoreError::Database {
-            doing,
-            dir: dir.to_owned(),
-            source,
-        }),
+        Ok(Err(source)) => Err(StoreError::Database { doing, dir: dir.to_owned(), source }),
         Err(panic) => Err(StoreError::Panicked {
             doing,
             dir: dir.to_owned(),
@@ -99,9 +95,9 @@ fn distrust(dir: &Path, marker: Marker, database: &Path) -> Option<String> {
         return None;
     }
     match marker {
-        Marker::Ours => fs::read_to_string(dir.join(SUSPECT))
-            .ok()
-            .map(|note| note.trim_end().to_owned()),
+        Marker::Ours => {
+            fs::read_to_string(dir.join(SUSPECT)).ok().map(|note| note.trim_end().to_owned())
+        }
         Marker::Older(version) => Some(format!("it has the old format {version}")),
         Marker::Absent => Some("its format is not marked".to_owned()),
         Marker::Unreadable => Some("its format marker cannot be read".to_owned()),
@@ -134,11 +130,9 @@ fn set_aside(dir: &Path, database: &Path, reason: &str) -> Result<(), StoreError
 
 fn remove_if_there(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {
-        Err(source) if source.kind() != ErrorKind::NotFound => Err(StoreError::Directory {
-            doing: "remove",
-            path: path.to_owned(),
-            source,
-        }),
+        Err(source) if source.kind() != ErrorKind::NotFound => {
+            Err(StoreError::Directory { doing: "remove", path: path.to_owned(), source })
+        }
         _ => Ok(()),
     }
 }
@@ -149,10 +143,7 @@ fn open_patiently(dir: &Path, database: &Path) -> Result<Trees, StoreError> {
         match contained(dir, "open the database", || open(database)) {
             Err(error) if is_locked(&error) => {
                 if start.elapsed() > PATIENCE {
-                    return Err(StoreError::Locked {
-                        dir: dir.to_owned(),
-                        holder: None,
-                    });
+                    return Err(StoreError::Locked { dir: dir.to_owned(), holder: None });
                 }
                 thread::sleep(Duration::from_millis(20));
             }
@@ -162,10 +153,7 @@ fn open_patiently(dir: &Path, database: &Path) -> Result<Trees, StoreError> {
 }
 
 fn open(path: &Path) -> sled::Result<Trees> {
-    let database = sled::Config::new()
-        .path(path)
-        .cache_capacity(PAGE_CACHE)
-        .open()?;
+    let database = sled::Config::new().path(path).cache_capacity(PAGE_CACHE).open()?;
     Ok(Trees {
         manifests: database.open_tree("manifests")?,
         chunks: database.open_tree("chunks")?,

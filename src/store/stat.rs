@@ -55,11 +55,8 @@ impl Store {
             stat.live_bytes += manifest.length;
         }
         stat.quarantined_entries = self.quarantined()?.len() as u64;
-        let unreadable = |source| StoreError::Directory {
-            doing: "read",
-            path: self.dir().to_owned(),
-            source,
-        };
+        let unreadable =
+            |source| StoreError::Directory { doing: "read", path: self.dir().to_owned(), source };
         stat.disk_bytes = disk_bytes(self.dir()).map_err(unreadable)?;
         stat.quarantined_databases = quarantined_databases(self.dir()).map_err(unreadable)?;
         Ok(stat)

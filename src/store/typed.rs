@@ -42,12 +42,7 @@ impl Store {
         artifact: &A,
         cost: Duration,
     ) -> Result<Digest, StoreError> {
-        let origin = Origin {
-            stage: A::STAGE,
-            version: A::VERSION,
-            schema: A::SCHEMA,
-            cost,
-        };
+        let origin = Origin { stage: A::STAGE, version: A::VERSION, schema: A::SCHEMA, cost };
         self.blobs().write(key, origin, &encode(artifact)?)
     }
 
@@ -56,15 +51,12 @@ impl Store {
     pub fn get<A: Artifact>(&self, key: &CacheKey) -> Option<Cached<A>> {
         let (manifest, bytes) = self.blobs().read(key, is_of::<A>)?;
         match decode::<A>(&bytes) {
-            Ok(artifact) => Some(Cached {
-                artifact,
-                digest: manifest.digest(),
-                cost: manifest.cost(),
-            }),
+            Ok(artifact) => {
+                Some(Cached { artifact, digest: manifest.digest(), cost: manifest.cost() })
+            }
             Err(DecodeError::Foreign { .. }) => None,
             Err(error @ DecodeError::Invalid { .. }) => {
-                self.blobs()
-                    .quarantine_undecodable(key, manifest.digest(), error.to_string());
+                self.blobs().quarantine_undecodable(key, manifest.digest(), error.to_string());
                 None
             }
         }
@@ -74,10 +66,7 @@ impl Store {
     /// computed. A later [`get`](Self::get) may still find the result damaged.
     pub fn peek<A: Artifact>(&self, key: &CacheKey) -> Option<Peeked> {
         let manifest = self.blobs().manifest(key).filter(is_of::<A>)?;
-        Some(Peeked {
-            digest: manifest.digest(),
-            cost: manifest.cost(),
-        })
+        Some(Peeked { digest: manifest.digest(), cost: manifest.cost() })
     }
 }
 

@@ -15,15 +15,7 @@ use super::{Bytes, BytesByMistake, COST, database, get, key, open, quarantined_d
 fn a_type_that_changed_without_its_schema_is_quarantined() {
     let dir = TempDir::new().unwrap();
     let store = open(dir.path());
-    store
-        .put(
-            &key(0),
-            &Bytes {
-                bytes: vec![0xFF; 100],
-            },
-            COST,
-        )
-        .unwrap();
+    store.put(&key(0), &Bytes { bytes: vec![0xFF; 100] }, COST).unwrap();
     assert!(store.get::<BytesByMistake>(&key(0)).is_none());
     let reason = &store.quarantined().unwrap()[0].reason;
     assert!(reason.contains("without a new SCHEMA"), "{reason}");
@@ -74,27 +66,13 @@ fn a_damaged_entry_is_absent_then_quarantined_then_written_again() {
     let victim = key(0);
     let chunk = |index: u32| [&victim.as_bytes()[..], &index.to_be_bytes()].concat();
     let cases: [(&str, Damage); 8] = [
-        ("chunk 2 does not match", &|dir| {
-            tamper(dir, "chunks", &chunk(2), flip(1000))
-        }),
-        ("chunk 1 does not match", &|dir| {
-            tamper(dir, "chunks", &chunk(1), flip(5))
-        }),
-        ("chunk 3 does not match", &|dir| {
-            tamper(dir, "chunks", &chunk(3), cut(500))
-        }),
-        ("chunk 0 does not match", &|dir| {
-            tamper(dir, "chunks", &chunk(0), cut(0))
-        }),
-        ("chunk 2 is missing", &|dir| {
-            tamper(dir, "chunks", &chunk(2), |_| None)
-        }),
-        ("the manifest", &|dir| {
-            tamper(dir, "manifests", victim.as_bytes(), flip(8))
-        }),
-        ("the manifest", &|dir| {
-            tamper(dir, "manifests", victim.as_bytes(), cut(20))
-        }),
+        ("chunk 2 does not match", &|dir| tamper(dir, "chunks", &chunk(2), flip(1000))),
+        ("chunk 1 does not match", &|dir| tamper(dir, "chunks", &chunk(1), flip(5))),
+        ("chunk 3 does not match", &|dir| tamper(dir, "chunks", &chunk(3), cut(500))),
+        ("chunk 0 does not match", &|dir| tamper(dir, "chunks", &chunk(0), cut(0))),
+        ("chunk 2 is missing", &|dir| tamper(dir, "chunks", &chunk(2), |_| None)),
+        ("the manifest", &|dir| tamper(dir, "manifests", victim.as_bytes(), flip(8))),
+        ("the manifest", &|dir| tamper(dir, "manifests", victim.as_bytes(), cut(20))),
         // A chunk of an older write of the same key: sound by itself.
         ("the whole", &|dir| {
             let mut current = None;
@@ -154,10 +132,7 @@ fn a_database_that_does_not_open_is_set_aside() {
     // From the second opening on there is a snapshot beside the log, which must agree with it.
     let half = |dir: &Path| {
         drop(open(dir));
-        let log = fs::File::options()
-            .write(true)
-            .open(database(dir).join("db"))
-            .unwrap();
+        let log = fs::File::options().write(true).open(database(dir).join("db")).unwrap();
         log.set_len(log.metadata().unwrap().len() / 2).unwrap();
     };
     let no_folder = |dir: &Path| {
@@ -191,11 +166,7 @@ fn a_database_that_does_not_open_is_set_aside() {
         assert_eq!(get(&store, &key(0)), None, "{case}");
         store.put(&key(0), &sample(10, 0), COST).unwrap();
         drop(store);
-        assert_eq!(
-            get(&open(dir.path()), &key(0)),
-            Some(sample(10, 0)),
-            "{case}"
-        );
+        assert_eq!(get(&open(dir.path()), &key(0)), Some(sample(10, 0)), "{case}");
         assert_eq!(quarantined_databases(dir.path()).len(), 1, "{case}");
     }
 }
@@ -209,10 +180,7 @@ fn damage_anywhere_in_the_database_never_gives_a_wrong_value() {
     };
     let cut = |log: &mut Vec<u8>, at: usize| log.truncate(at);
     let damages: [LogDamage; 2] = [&zeros, &cut];
-    for (damage, tenth) in damages
-        .iter()
-        .flat_map(|damage| (0..10).map(move |t| (damage, t)))
-    {
+    for (damage, tenth) in damages.iter().flat_map(|damage| (0..10).map(move |t| (damage, t))) {
         let dir = TempDir::new().unwrap();
         let store = open(dir.path());
         for n in 0..20 {

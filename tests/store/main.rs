@@ -40,10 +40,7 @@ artifact!(Golden {
 
 fn sample(length: usize, salt: u8) -> Bytes {
     let mut bytes = vec![0; length];
-    blake3::Hasher::new()
-        .update(&[salt])
-        .finalize_xof()
-        .fill(&mut bytes);
+    blake3::Hasher::new().update(&[salt]).finalize_xof().fill(&mut bytes);
     Bytes { bytes }
 }
 
@@ -66,12 +63,7 @@ fn database(dir: &Path) -> PathBuf {
 fn quarantined_databases(dir: &Path) -> Vec<PathBuf> {
     let items = fs::read_dir(dir).unwrap().map(|item| item.unwrap().path());
     items
-        .filter(|path| {
-            path.file_name()
-                .unwrap()
-                .to_string_lossy()
-                .starts_with("quarantine-")
-        })
+        .filter(|path| path.file_name().unwrap().to_string_lossy().starts_with("quarantine-"))
         .collect()
 }
 
@@ -115,10 +107,7 @@ fn an_entry_of_another_schema_is_a_miss_and_can_be_replaced() {
     assert!(store.peek::<BytesOfLater>(&key(0)).is_none());
     assert!(get(&store, &key(0)).is_some(), "a miss harms nothing");
 
-    let later = BytesOfLater {
-        bytes: vec![1],
-        unit: "m".into(),
-    };
+    let later = BytesOfLater { bytes: vec![1], unit: "m".into() };
     store.put(&key(0), &later, COST).unwrap();
     assert_eq!(store.get::<BytesOfLater>(&key(0)).unwrap().artifact, later);
     assert!(get(&store, &key(0)).is_none());
@@ -132,9 +121,7 @@ fn no_page_becomes_a_file_that_is_never_synced() {
     for round in 0..4 {
         for n in 0..10 {
             let length = 100_000 * (1 + (n + round) % 4);
-            store
-                .put(&key(n as u64), &sample(length, n as u8), COST)
-                .unwrap();
+            store.put(&key(n as u64), &sample(length, n as u8), COST).unwrap();
         }
     }
     drop(store);
@@ -165,14 +152,7 @@ fn a_newer_format_is_refused_and_left_as_it_is() {
     fs::write(dir.path().join("chladni.format"), "chladni store 2\n").unwrap();
     let before = contents(dir.path());
     let error = Store::open(dir.path()).unwrap_err();
-    assert!(matches!(
-        error,
-        StoreError::NewerFormat {
-            found: 2,
-            known: 1,
-            ..
-        }
-    ));
+    assert!(matches!(error, StoreError::NewerFormat { found: 2, known: 1, .. }));
     assert!(error.to_string().contains("update chladni"));
     assert_eq!(contents(dir.path()), before);
 }
@@ -184,14 +164,8 @@ fn a_directory_that_cannot_be_made_is_an_error_that_says_what_to_do() {
     fs::write(&file, "").unwrap();
     let cache = file.join("cache");
     let message = Store::open(&cache).unwrap_err().to_string();
-    assert!(
-        message.starts_with(&format!("cannot create {}", cache.display())),
-        "{message}"
-    );
-    assert!(
-        message.contains("--cache DIR or CHLADNI_CACHE"),
-        "{message}"
-    );
+    assert!(message.starts_with(&format!("cannot create {}", cache.display())), "{message}");
+    assert!(message.contains("--cache DIR or CHLADNI_CACHE"), "{message}");
 }
 
 /// The format on disk. When this fails, entries of earlier versions are misread or lost: raise the format of the
@@ -208,10 +182,7 @@ fn an_encoded_artifact_is_byte_for_byte_what_it_was() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/store/artifact-1.bin");
     let mut stored = rkyv::util::AlignedVec::new();
     stored.extend_from_slice(&fs::read(path).unwrap());
-    assert_eq!(
-        store::encode(&golden).unwrap().as_slice(),
-        stored.as_slice()
-    );
+    assert_eq!(store::encode(&golden).unwrap().as_slice(), stored.as_slice());
     assert_eq!(store::decode::<Golden>(&stored).unwrap(), golden);
 }
 
@@ -225,9 +196,7 @@ fn threads_that_put_and_get_the_same_keys_do_no_harm() {
             scope.spawn(move || {
                 for round in 0..8 {
                     let key = key(round % 2);
-                    store
-                        .put(&key, &sample(40_000 + usize::from(salt), salt), COST)
-                        .unwrap();
+                    store.put(&key, &sample(40_000 + usize::from(salt), salt), COST).unwrap();
                     let found = get(&store, &key).expect("someone's entry");
                     let writer = (found.bytes.len() - 40_000) as u8;
                     assert_eq!(found, sample(found.bytes.len(), writer));
@@ -244,20 +213,10 @@ fn a_stat_counts_by_stage() {
     let dir = TempDir::new().unwrap();
     let store = open(dir.path());
     assert_eq!(store.stat().unwrap().entries, 0);
-    let later = BytesOfLater {
-        bytes: vec![],
-        unit: String::new(),
-    };
-    let other = KeyBuilder::new("other", 1)
-        .input("x", &Digest::of(b"x"))
-        .finish(0, "f32");
-    let golden = Golden {
-        name: "g".into(),
-        evals: vec![],
-        faces: vec![],
-        seed: None,
-        weights: vec![],
-    };
+    let later = BytesOfLater { bytes: vec![], unit: String::new() };
+    let other = KeyBuilder::new("other", 1).input("x", &Digest::of(b"x")).finish(0, "f32");
+    let golden =
+        Golden { name: "g".into(), evals: vec![], faces: vec![], seed: None, weights: vec![] };
     store.put(&key(0), &sample(100_000, 0), COST).unwrap();
     store.put(&key(1), &later, COST).unwrap();
     store.put(&other, &golden, COST).unwrap();

@@ -29,17 +29,13 @@ fn child_process() {
     };
     let say = |line: String| {
         let mut out = std::io::stdout().lock();
-        writeln!(out, "\n{line}")
-            .and_then(|()| out.flush())
-            .unwrap();
+        writeln!(out, "\n{line}").and_then(|()| out.flush()).unwrap();
     };
     match Store::open(dir) {
         Err(error) => say(format!("child: {error}")),
         Ok(store) => {
             for n in 0.. {
-                store
-                    .put(&key(n % 30), &sample(100_000, (n % 30) as u8), COST)
-                    .unwrap();
+                store.put(&key(n % 30), &sample(100_000, (n % 30) as u8), COST).unwrap();
                 say(format!("child: put {n}"));
             }
         }
@@ -47,9 +43,7 @@ fn child_process() {
 }
 
 fn child_lines(child: &mut Child) -> impl Iterator<Item = String> {
-    let lines = BufReader::new(child.stdout.take().unwrap())
-        .lines()
-        .map(Result::unwrap);
+    let lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
     lines.filter_map(|line| Some(line.strip_prefix("child: ")?.to_owned()))
 }
 

@@ -16,12 +16,7 @@ pub fn encode<E: Real, T: Tape<E, Cpu>>(
     let &(h, _) = w.shape();
     let (xs, ws, bs) = (x.as_vec(), w.as_vec(), b.as_vec());
     let mut phase: Vec<E> = (0..n).flat_map(|_| bs.iter().copied()).collect();
-    gemm(
-        &mut phase,
-        view(&xs, n, d),
-        view(&ws, h, d).transpose(),
-        faer::Accum::Add,
-    );
+    gemm(&mut phase, view(&xs, n, d), view(&ws, h, d).transpose(), faer::Accum::Add);
     let (mut sin, mut cos) = (vec![E::default(); n * h], vec![E::default(); n * h]);
     E::sin_cos_all(&phase, &mut sin, &mut cos);
     let out = x.device().tensor_from_vec(sin, (n, h));
@@ -30,22 +25,12 @@ pub fn encode<E: Real, T: Tape<E, Cpu>>(
         let mut d_phase = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
         d_phase.iter_mut().zip(&cos).for_each(|(g, &c)| *g *= c);
         let d_phase_view = view(&d_phase, n, h);
-        gemm(
-            grads.get_or_alloc_mut(&w_ghost)?,
-            d_phase_view.transpose(),
-            view(&xs, n, d),
-            ADD,
-        );
+        gemm(grads.get_or_alloc_mut(&w_ghost)?, d_phase_view.transpose(), view(&xs, n, d), ADD);
         let d_b = grads.get_or_alloc_mut(&b_ghost)?;
         for row in d_phase.chunks_exact(h) {
             d_b.iter_mut().zip(row).for_each(|(d, &g)| *d += g);
         }
-        gemm(
-            grads.get_or_alloc_mut(&x_ghost)?,
-            d_phase_view,
-            view(&ws, h, d),
-            ADD,
-        );
+        gemm(grads.get_or_alloc_mut(&x_ghost)?, d_phase_view, view(&ws, h, d), ADD);
         Ok(())
     });
     out.put_tape(tape)
@@ -61,21 +46,16 @@ mod tests {
     #[test]
     fn gradients_match_finite_differences() {
         let (n, d, h) = (7, 3, 5);
-        check(
-            &[values(n * d, 1), values(h * d, 2), values(h, 3)],
-            |dev, p, tape| {
-                let x = dev.tensor_from_vec(p[0].clone(), (n, d));
-                let w = dev.tensor_from_vec(p[1].clone(), (h, d));
-                let b = dev.tensor_from_vec(p[2].clone(), (1, h));
-                let y = encode(x.clone().put_tape(tape), &w, &b);
-                let loss = weighted_sum(y);
-                (
-                    loss,
-                    Box::new(move |g| {
-                        vec![g.get(&x).as_vec(), g.get(&w).as_vec(), g.get(&b).as_vec()]
-                    }),
-                )
-            },
-        );
+        check(&[values(n * d, 1), values(h * d, 2), values(h, 3)], |dev, p, tape| {
+            let x = dev.tensor_from_vec(p[0].clone(), (n, d));
+            let w = dev.tensor_from_vec(p[1].clone(), (h, d));
+            let b = dev.tensor_from_vec(p[2].clone(), (1, h));
+            let y = encode(x.clone().put_tape(tape), &w, &b);
+            let loss = weighted_sum(y);
+            (
+                loss,
+                Box::new(move |g| vec![g.get(&x).as_vec(), g.get(&w).as_vec(), g.get(&b).as_vec()]),
+            )
+        });
     }
 }

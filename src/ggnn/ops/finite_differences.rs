@@ -24,9 +24,7 @@ pub fn check(
     let gradients = read(&traced.backward());
     let step = 1e-5;
     for (which, input) in inputs.iter().enumerate() {
-        let scale = gradients[which]
-            .iter()
-            .fold(1e-3_f64, |m, g| m.max(g.abs()));
+        let scale = gradients[which].iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
         for entry in 0..input.len() {
             let at = |delta: f64| {
                 let mut moved = inputs.to_vec();
@@ -48,9 +46,7 @@ pub fn check(
 
 /// Reproducible values in (−1, 1).
 pub fn values(len: usize, seed: u64) -> Vec<f64> {
-    (0..len)
-        .map(|i| ((i as f64 + 1.0) * (seed as f64 * 0.7 + 1.3)).sin() * 0.9)
-        .collect()
+    (0..len).map(|i| ((i as f64 + 1.0) * (seed as f64 * 0.7 + 1.3)).sin() * 0.9).collect()
 }
 
 /// A scalar that depends on every entry in its own way.

@@ -22,10 +22,7 @@ struct Rows<E> {
 impl<E: Real> Graph<E> {
     /// Rounds `matrix` to the precision of the network.
     pub fn new(matrix: &Sparse) -> Self {
-        Self {
-            forward: Rows::new(matrix),
-            backward: Rows::new(&matrix.transpose_view().to_csr()),
-        }
+        Self { forward: Rows::new(matrix), backward: Rows::new(&matrix.transpose_view().to_csr()) }
     }
 
     /// The number of rows.

@@ -95,12 +95,8 @@ pub fn orthogonality_loss<E: Real, T: Tape<E, Cpu>>(
 ) -> Scalar<E, T> {
     let (z, mut tape) = z.split_tape();
     let values = widen(&z.as_vec());
-    let overlaps: Vec<f64> = (0..b_phi.ncols())
-        .map(|k| dot(column(b_phi, k), &values))
-        .collect();
-    let out = z
-        .device()
-        .tensor_from_vec(vec![E::round(dot(&overlaps, &overlaps))], ());
+    let overlaps: Vec<f64> = (0..b_phi.ncols()).map(|k| dot(column(b_phi, k), &values)).collect();
+    let out = z.device().tensor_from_vec(vec![E::round(dot(&overlaps, &overlaps))], ());
     let (out_ghost, z_ghost, b_phi) = (out.ghost(), z.ghost(), b_phi.clone());
     tape.add_backward_op(move |grads| {
         let outer = grads.get_or_alloc_mut(&out_ghost)?[0].wide();
@@ -177,9 +173,7 @@ mod tests {
             let b_phi = Arc::new(Dense::from_fn(n, 2, |i, j| values(n, 3 + j as u64)[i]));
             check_vector(n, |z| boundary_loss(z, &boundary));
             check_vector(n, |z| residual_loss(z, &l, &b, &Rows::All));
-            check_vector(n, |z| {
-                residual_loss(z, &l, &b, &Rows::Interior(boundary.clone()))
-            });
+            check_vector(n, |z| residual_loss(z, &l, &b, &Rows::Interior(boundary.clone())));
             check_vector(n, |z| orthogonality_loss(z, &b_phi));
             check_vector(n, |z| orthogonality_loss(b_normalise(z, &b), &b_phi));
             check_vector(n, |z| residual_loss(b_normalise(z, &b), &l, &b, &Rows::All));
@@ -192,10 +186,7 @@ mod tests {
         let pencil = crate::spectrum::Pencil::from(&operators);
         let analysis = crate::spectrum::factor::Analysis::new(pencil).unwrap();
         let pairs = crate::spectrum::fem::lowest(pencil, &analysis, 3).unwrap();
-        let (l, b) = (
-            Arc::new(operators.stiffness.clone()),
-            Arc::new(operators.mass.clone()),
-        );
+        let (l, b) = (Arc::new(operators.stiffness.clone()), Arc::new(operators.mass.clone()));
         let dev = Cpu::default();
         let z = dev.tensor_from_vec(column(&pairs.vectors, 2).to_vec(), (operators.n(),));
         assert!(residual_loss(z, &l, &b, &Rows::All).as_vec()[0] < 1e-20);

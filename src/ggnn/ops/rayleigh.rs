@@ -60,14 +60,9 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
     let [mut residual, mut bu] = [vec![0.0; u.len()], vec![0.0; u.len()]];
     apply(&member.stiffness, &u, &mut residual);
     apply(&member.mass, &u, &mut bu);
-    residual
-        .iter_mut()
-        .zip(&bu)
-        .for_each(|(r, b)| *r -= quotient.value * b);
+    residual.iter_mut().zip(&bu).for_each(|(r, b)| *r -= quotient.value * b);
     let value: f64 = u.iter().zip(&residual).map(|(u, r)| u * r).sum();
-    let out = features
-        .device()
-        .tensor_from_vec(vec![E::round(value / quotient.denominator)], ());
+    let out = features.device().tensor_from_vec(vec![E::round(value / quotient.denominator)], ());
     let (out_ghost, f_ghost) = (out.ghost(), features.ghost());
     let (head, member) = (head.clone(), member.clone());
     tape.add_backward_op(move |grads| {
@@ -106,10 +101,7 @@ mod tests {
             mass: operators.mass,
         });
         let head = Arc::new(values(h, 9));
-        let quotient = Quotient {
-            value: 1.7,
-            denominator: 2.3,
-        };
+        let quotient = Quotient { value: 1.7, denominator: 2.3 };
         check(&[values(n * h, 1)], |dev, p, tape| {
             let f = dev.tensor_from_vec(p[0].clone(), (n, h));
             let loss = rayleigh(f.clone().put_tape(tape), &head, &member, quotient);
@@ -131,20 +123,13 @@ mod tests {
         let quotient = |f: &[f64]| {
             let u = deflated_prediction(f, &head, &member.deflation);
             let denominator = quadratic(&member.mass, &u);
-            Quotient {
-                value: quadratic(&member.stiffness, &u) / denominator,
-                denominator,
-            }
+            Quotient { value: quadratic(&member.stiffness, &u) / denominator, denominator }
         };
         let f = values(n * h, 1);
         let dev = Cpu::default();
         let tensor = dev.tensor_from_vec(f.clone(), (n, h));
-        let loss = rayleigh(
-            tensor.clone().put_tape(OwnedTape::default()),
-            &head,
-            &member,
-            quotient(&f),
-        );
+        let loss =
+            rayleigh(tensor.clone().put_tape(OwnedTape::default()), &head, &member, quotient(&f));
         let gradient = loss.backward().get(&tensor).as_vec();
         for entry in 0..n * h {
             let at = |delta: f64| {

@@ -44,16 +44,7 @@ impl Real for f32 {
 /// dst = a·b, or dst += a·b, on one thread. `dst` is row-major; `a` and `b` may be transposed views.
 pub fn gemm<E: Real>(dst: &mut [E], a: MatRef<'_, E>, b: MatRef<'_, E>, accum: Accum) {
     let dst = MatMut::from_row_major_slice_mut(dst, a.nrows(), b.ncols());
-    matmul_with_conj(
-        dst,
-        accum,
-        a,
-        Conj::No,
-        b,
-        Conj::No,
-        E::round(1.0),
-        Par::Seq,
-    );
+    matmul_with_conj(dst, accum, a, Conj::No, b, Conj::No, E::round(1.0), Par::Seq);
 }
 
 /// A row-major view.
@@ -109,17 +100,10 @@ fn sin_cos_reduced(x: f32) -> (f32, f32) {
     let cosine =
         1.0 - 0.5 * z + z * z * (4.166_664_6e-2 + z * (-1.388_731_6e-3 + z * 2.443_315_7e-5));
     let swapped = quadrant & 1 == 1;
-    let (s, c) = if swapped {
-        (cosine, sine)
-    } else {
-        (sine, cosine)
-    };
+    let (s, c) = if swapped { (cosine, sine) } else { (sine, cosine) };
     let sign_s = (quadrant & 2) << 30;
     let sign_c = (quadrant.wrapping_add(1) & 2) << 30;
-    (
-        f32::from_bits(s.to_bits() ^ sign_s),
-        f32::from_bits(c.to_bits() ^ sign_c),
-    )
+    (f32::from_bits(s.to_bits() ^ sign_s), f32::from_bits(c.to_bits() ^ sign_c))
 }
 
 #[cfg(test)]

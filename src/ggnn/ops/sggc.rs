@@ -28,12 +28,7 @@ pub fn sggc<E: Real, T: Tape<E, Cpu>>(
     let mut inputs = Vec::with_capacity(if T::OWNS_TAPE { iterations } else { 0 });
     for _ in 0..iterations {
         let joined = beside_neighbours(&state, graph, h);
-        gemm(
-            &mut state,
-            view(&joined, n, 2 * h),
-            view(&mixing, 2 * h, h),
-            Accum::Replace,
-        );
+        gemm(&mut state, view(&joined, n, 2 * h), view(&mixing, 2 * h, h), Accum::Replace);
         if T::OWNS_TAPE {
             inputs.push(joined);
         }
@@ -50,32 +45,14 @@ pub fn sggc<E: Real, T: Tape<E, Cpu>>(
         let mut d_joined = vec![E::default(); n * 2 * h];
         for joined in inputs.iter().rev() {
             let p = view(&gradient, n, h);
-            gemm(
-                &mut d_mixing,
-                view(joined, n, 2 * h).transpose(),
-                p,
-                Accum::Add,
-            );
-            gemm(
-                &mut d_joined,
-                p,
-                view(&mixing, 2 * h, h).transpose(),
-                Accum::Replace,
-            );
+            gemm(&mut d_mixing, view(joined, n, 2 * h).transpose(), p, Accum::Add);
+            gemm(&mut d_joined, p, view(&mixing, 2 * h, h).transpose(), Accum::Replace);
             fold_neighbours(&d_joined, &graph, h, &mut gradient);
         }
-        add_weight_gradient(
-            &d_mixing,
-            h,
-            grads.get_or_alloc_mut(&w1_ghost)?,
-            |own, _| -own,
-        );
-        add_weight_gradient(
-            &d_mixing,
-            h,
-            grads.get_or_alloc_mut(&w2_ghost)?,
-            |own, near| (near - own) + (near - own),
-        );
+        add_weight_gradient(&d_mixing, h, grads.get_or_alloc_mut(&w1_ghost)?, |own, _| -own);
+        add_weight_gradient(&d_mixing, h, grads.get_or_alloc_mut(&w2_ghost)?, |own, near| {
+            (near - own) + (near - own)
+        });
         let d_x = grads.get_or_alloc_mut(&x_ghost)?;
         d_x.iter_mut().zip(&gradient).for_each(|(d, &g)| *d += g);
         Ok(())
@@ -111,11 +88,7 @@ fn beside_neighbours<E: Real>(x: &[E], graph: &Graph<E>, h: usize) -> Vec<E> {
 
 /// dx + Wᵀu for [dx | u].
 fn fold_neighbours<E: Real>(joined: &[E], graph: &Graph<E>, h: usize, dx: &mut [E]) {
-    let near: Vec<E> = joined
-        .chunks_exact(2 * h)
-        .flat_map(|row| &row[h..])
-        .copied()
-        .collect();
+    let near: Vec<E> = joined.chunks_exact(2 * h).flat_map(|row| &row[h..]).copied().collect();
     graph.for_each_transposed_row(&near, h, |i, sum| {
         let own = &joined[2 * h * i..2 * h * i + h];
         for ((dx, &own), &near) in dx[i * h..(i + 1) * h].iter_mut().zip(own).zip(sum) {

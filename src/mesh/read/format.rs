@@ -20,9 +20,8 @@ pub enum Format {
 const SNIFFED: usize = 64 << 10;
 
 /// Keywords that open a line of an OBJ file and of no other format that starts with text.
-const OBJ_KEYWORDS: [&[u8]; 12] = [
-    b"v", b"vt", b"vn", b"vp", b"f", b"l", b"p", b"o", b"g", b"s", b"mtllib", b"usemtl",
-];
+const OBJ_KEYWORDS: [&[u8]; 12] =
+    [b"v", b"vt", b"vn", b"vp", b"f", b"l", b"p", b"o", b"g", b"s", b"mtllib", b"usemtl"];
 
 /// Formats that are met often and not read, by their first bytes.
 const KNOWN: [(&[u8], &str); 6] = [
@@ -48,9 +47,7 @@ impl Format {
             return Ok(Self::Gltf);
         }
         if let Some((_, name)) = KNOWN.iter().find(|(magic, _)| text.starts_with(magic)) {
-            return Err(Fault::UnknownFormat {
-                recognised: Some(name),
-            });
+            return Err(Fault::UnknownFormat { recognised: Some(name) });
         }
         let sniffed = text.get(..SNIFFED).unwrap_or(text);
         let named_obj = extension.is_some_and(|e| e.eq_ignore_ascii_case("obj"));

@@ -36,10 +36,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, Failure> {
     Ok(RawMesh {
         positions: walk.positions,
         triangles: walk.triangles,
-        origin: Origin::Gltf {
-            positions: walk.accessor_runs,
-            triangles: walk.primitive_runs,
-        },
+        origin: Origin::Gltf { positions: walk.accessor_runs, triangles: walk.primitive_runs },
         polygons: Vec::new(),
         left_out: walk.left_out,
     })
@@ -91,10 +88,7 @@ impl Walk {
         let mut seen = HashMap::new();
         for primitive in mesh.primitives() {
             let (mesh, index) = (number(mesh.index())?, number(primitive.index())?);
-            let place = Place::Primitive {
-                mesh,
-                primitive: index,
-            };
+            let place = Place::Primitive { mesh, primitive: index };
             if !is_surface(primitive.mode()) {
                 self.left_out.push(place);
                 continue;
@@ -105,9 +99,9 @@ impl Walk {
             let count = positions.count();
             let first = match seen.get(&positions.index()) {
                 Some(&first) => first,
-                None => *seen
-                    .entry(positions.index())
-                    .or_insert(self.positions(&positions, placed)?),
+                None => {
+                    *seen.entry(positions.index()).or_insert(self.positions(&positions, placed)?)
+                }
             };
             self.primitive_runs.push(PrimitiveRun {
                 first: number(self.triangles.len())?,
@@ -124,12 +118,8 @@ impl Walk {
         let first = number(self.positions.len())?;
         let read = self.data.positions(accessor)?;
         number(self.positions.len() + read.len())?;
-        self.accessor_runs.push(AccessorRun {
-            first,
-            accessor: number(accessor.index())?,
-        });
-        self.positions
-            .extend(read.into_iter().map(|p| placed.apply(p)));
+        self.accessor_runs.push(AccessorRun { first, accessor: number(accessor.index())? });
+        self.positions.extend(read.into_iter().map(|p| placed.apply(p)));
         Ok(first)
     }
 
@@ -154,20 +144,13 @@ impl Walk {
             let local = number(self.triangles.len() - base)?;
             for index in triangle {
                 if index as usize >= count {
-                    let fault = Fault::IndexOutOfRange {
-                        index: index.into(),
-                        vertices: count,
-                    };
+                    let fault = Fault::IndexOutOfRange { index: index.into(), vertices: count };
                     return Err(Failure::at(within(place, local), fault));
                 }
             }
             let [a, b, c] = triangle.map(|index| first + index);
             // A mirroring transform turns faces inside out; glTF asks to turn them back.
-            let turned = if placed.mirrors() {
-                [a, c, b]
-            } else {
-                [a, b, c]
-            };
+            let turned = if placed.mirrors() { [a, c, b] } else { [a, b, c] };
             self.triangles.push(turned);
         }
         number(self.triangles.len())?;
@@ -176,10 +159,7 @@ impl Walk {
 }
 
 fn is_surface(mode: Mode) -> bool {
-    matches!(
-        mode,
-        Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
-    )
+    matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
 }
 
 /// Triples of a list, strip or fan, in the order and winding that glTF gives them.
@@ -191,11 +171,7 @@ struct Triangles<'a> {
 
 impl<'a> Triangles<'a> {
     fn new(indices: &'a [u32], mode: Mode) -> Self {
-        Self {
-            indices,
-            mode,
-            next: 0,
-        }
+        Self { indices, mode, next: 0 }
     }
 }
 
@@ -217,11 +193,7 @@ impl Iterator for Triangles<'_> {
 
 fn within(place: Place, triangle: u32) -> Place {
     match place {
-        Place::Primitive { mesh, primitive } => Place::Triangle {
-            mesh,
-            primitive,
-            triangle,
-        },
+        Place::Primitive { mesh, primitive } => Place::Triangle { mesh, primitive, triangle },
         other => other,
     }
 }

@@ -64,10 +64,7 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
     Ok(RawMesh {
         positions,
         triangles,
-        origin: Origin::Obj {
-            positions: geometry.positions,
-            triangles: triangle_lines,
-        },
+        origin: Origin::Obj { positions: geometry.positions, triangles: triangle_lines },
         polygons,
         left_out,
     })
@@ -97,10 +94,7 @@ fn unparsable(at: Option<&Line<'_>>, reason: LoadError) -> Failure {
         let shown = line.text.get(..60).unwrap_or(&line.text);
         String::from_utf8_lossy(shown).into_owned()
     });
-    Failure {
-        place: at.map(place),
-        fault: Fault::Unparsable { text, reason },
-    }
+    Failure { place: at.map(place), fault: Fault::Unparsable { text, reason } }
 }
 
 /// Finds the face that tobj refused without saying which.

@@ -16,20 +16,10 @@ fn obj(positions: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> RawMesh {
 
 fn gltf(positions: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> RawMesh {
     let origin = Origin::Gltf {
-        positions: vec![AccessorRun {
-            first: 0,
-            accessor: 4,
-        }],
-        triangles: vec![PrimitiveRun {
-            first: 0,
-            mesh: 2,
-            primitive: 1,
-        }],
+        positions: vec![AccessorRun { first: 0, accessor: 4 }],
+        triangles: vec![PrimitiveRun { first: 0, mesh: 2, primitive: 1 }],
     };
-    RawMesh {
-        origin,
-        ..obj(positions, triangles)
-    }
+    RawMesh { origin, ..obj(positions, triangles) }
 }
 
 fn corners() -> Vec<[f64; 3]> {
@@ -37,10 +27,7 @@ fn corners() -> Vec<[f64; 3]> {
 }
 
 fn tally(count: usize, lines: &[u32]) -> Tally {
-    Tally {
-        count,
-        first: lines.iter().copied().map(Place::Line).collect(),
-    }
+    Tally { count, first: lines.iter().copied().map(Place::Line).collect() }
 }
 
 #[test]
@@ -59,14 +46,7 @@ fn every_kind_of_bad_face_is_dropped_counted_and_placed() {
     let mut positions = corners();
     positions.insert(1, [7., 7., 7.]); // never used
     positions.push([2., 2., 0.]); // used by a face without area only
-    let faces = vec![
-        [0, 2, 3],
-        [0, 2, 2],
-        [3, 0, 2],
-        [0, 3, 5],
-        [2, 0, 3],
-        [0, 3, 4],
-    ];
+    let faces = vec![[0, 2, 3], [0, 2, 2], [3, 0, 2], [0, 3, 5], [2, 0, 3], [0, 3, 4]];
     let repaired = repair(&obj(positions, faces)).unwrap();
     assert_eq!(repaired.vertex_map, [0, -1, 1, 2, 3, -1]);
     assert_eq!(repaired.mesh.faces(), [[0, 1, 2], [0, 2, 3]]);
@@ -94,20 +74,10 @@ fn equal_positions_are_one_vertex_in_gltf_and_not_in_obj() {
     assert_eq!(welded.vertex_map, [0, 1, 2, 3, 0, 2]);
     assert_eq!(welded.mesh.faces(), [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(welded.repairs.welded_vertices.count, 2);
-    assert_eq!(
-        welded.repairs.welded_vertices.first[0],
-        Place::Element {
-            accessor: 4,
-            element: 4
-        }
-    );
+    assert_eq!(welded.repairs.welded_vertices.first[0], Place::Element { accessor: 4, element: 4 });
     assert_eq!(
         welded.repairs.collapsed_faces.first,
-        [Place::Triangle {
-            mesh: 2,
-            primitive: 1,
-            triangle: 2
-        }]
+        [Place::Triangle { mesh: 2, primitive: 1, triangle: 2 }]
     );
     let apart = repair(&obj(positions, faces)).unwrap();
     assert_eq!(apart.mesh.n(), 6);
@@ -117,13 +87,7 @@ fn equal_positions_are_one_vertex_in_gltf_and_not_in_obj() {
 #[test]
 fn no_area_is_judged_by_shape_not_by_size() {
     for scale in [1e-200, 1e-9, 1.0, 1e150] {
-        let at = |height: f64| {
-            [
-                [0., 0., 0.],
-                [scale, 0., 0.],
-                [0.5 * scale, height * scale, 0.],
-            ]
-        };
+        let at = |height: f64| [[0., 0., 0.], [scale, 0., 0.], [0.5 * scale, height * scale, 0.]];
         assert!(has_area(at(1.0)) && has_area(at(1e-11)), "at {scale}");
         assert!(!has_area(at(1e-12)) && !has_area(at(0.0)), "at {scale}");
     }
@@ -135,10 +99,7 @@ fn only_the_first_places_are_kept() {
     let mut faces = vec![[0, 1, 2]; 9];
     faces.push([0, 2, 3]);
     let repairs = repair(&obj(corners(), faces)).unwrap().repairs;
-    assert_eq!(
-        repairs.duplicate_faces,
-        tally(8, &[102, 103, 104, 105, 106])
-    );
+    assert_eq!(repairs.duplicate_faces, tally(8, &[102, 103, 104, 105, 106]));
     assert!(repairs.to_string().ends_with("line 106; …)"));
 }
 

@@ -24,10 +24,7 @@ fn torus(m: u32, n: u32) -> TriMesh {
 #[test]
 fn closed_surfaces_by_genus() {
     let sphere = Topology::of(&icosphere(2));
-    assert_eq!(
-        (sphere.vertices, sphere.edges, sphere.faces),
-        (162, 480, 320)
-    );
+    assert_eq!((sphere.vertices, sphere.edges, sphere.faces), (162, 480, 320));
     assert_eq!((sphere.euler_characteristic, sphere.components), (2, 1));
     assert!(sphere.is_closed() && sphere.is_manifold() && sphere.is_oriented());
 
@@ -40,10 +37,7 @@ fn closed_surfaces_by_genus() {
 #[test]
 fn one_triangle_is_a_disc() {
     let topology = Topology::of(&mesh(&[[0, 1, 2]]));
-    assert_eq!(
-        (topology.euler_characteristic, topology.boundary_loops),
-        (1, 1)
-    );
+    assert_eq!((topology.euler_characteristic, topology.boundary_loops), (1, 1));
     assert_eq!(topology.boundary_vertices, [0, 1, 2]);
 }
 
@@ -57,10 +51,7 @@ fn an_annulus_has_two_loops_and_a_flipped_face_shows() {
         })
         .collect();
     let topology = Topology::of(&mesh(&faces));
-    assert_eq!(
-        (topology.euler_characteristic, topology.boundary_loops),
-        (0, 2)
-    );
+    assert_eq!((topology.euler_characteristic, topology.boundary_loops), (0, 2));
     assert_eq!(topology.boundary_vertices, [0, 1, 2, 3, 4, 5, 6, 7]);
     assert!(topology.is_oriented());
     faces[2].swap(0, 1);
@@ -72,10 +63,7 @@ fn an_annulus_has_two_loops_and_a_flipped_face_shows() {
 fn a_moebius_strip_of_five_triangles() {
     let faces = [0, 1, 2, 3, 4].map(|i| [i, (i + 1) % 5, (i + 2) % 5]);
     let topology = Topology::of(&mesh(&faces));
-    assert_eq!(
-        (topology.euler_characteristic, topology.boundary_loops),
-        (0, 1)
-    );
+    assert_eq!((topology.euler_characteristic, topology.boundary_loops), (0, 1));
     assert!(topology.is_manifold() && !topology.is_oriented());
 }
 
@@ -84,10 +72,7 @@ fn two_triangles_that_touch_in_a_vertex() {
     let bow_tie = mesh(&[[0, 1, 2], [2, 3, 4]]);
     let topology = Topology::of(&bow_tie);
     assert_eq!((topology.components, topology.boundary_loops), (1, 2));
-    assert_eq!(
-        (topology.non_manifold_vertices, topology.non_manifold_edges),
-        (1, 0)
-    );
+    assert_eq!((topology.non_manifold_vertices, topology.non_manifold_edges), (1, 0));
     assert_eq!(topology.boundary_vertices, [0, 1, 2, 3, 4]);
 }
 
@@ -95,10 +80,7 @@ fn two_triangles_that_touch_in_a_vertex() {
 fn three_triangles_on_one_edge() {
     let topology = Topology::of(&mesh(&[[0, 1, 2], [0, 1, 3], [0, 1, 4]]));
     assert_eq!((topology.edges, topology.non_manifold_edges), (7, 1));
-    assert_eq!(
-        (topology.misoriented_edges, topology.boundary_loops),
-        (0, 1)
-    );
+    assert_eq!((topology.misoriented_edges, topology.boundary_loops), (0, 1));
     assert!(!topology.is_manifold());
 }
 

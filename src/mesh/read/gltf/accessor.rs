@@ -23,11 +23,7 @@ impl Data {
     /// `document` is the size in bytes of the document itself.
     pub fn new(buffers: Vec<Vec<u8>>, document: usize) -> Self {
         let bytes = document + buffers.iter().map(Vec::len).sum::<usize>();
-        Self {
-            buffers,
-            bytes,
-            left: bytes.saturating_mul(PER_BYTE),
-        }
+        Self { buffers, bytes, left: bytes.saturating_mul(PER_BYTE) }
     }
 
     /// Positions, in double precision and not yet transformed.
@@ -106,17 +102,12 @@ impl Data {
             );
             return Err(fault(accessor, &problem));
         }
-        Ok((0..count)
-            .filter_map(|i| bytes.get(i * stride..)?.first_chunk())
-            .map(parse)
-            .collect())
+        Ok((0..count).filter_map(|i| bytes.get(i * stride..)?.first_chunk()).map(parse).collect())
     }
 
     fn view(&self, view: &View<'_>) -> Option<&[u8]> {
         let end = view.offset().checked_add(view.length())?;
-        self.buffers
-            .get(view.buffer().index())?
-            .get(view.offset()..end)
+        self.buffers.get(view.buffer().index())?.get(view.offset()..end)
     }
 
     /// Puts the values of a sparse accessor in their places.
@@ -135,9 +126,9 @@ impl Data {
             IndexType::U16 => self.elements(accessor, &view, offset, count, |b: &[u8; 2]| {
                 u16::from_le_bytes(*b).into()
             }),
-            IndexType::U32 => self.elements(accessor, &view, offset, count, |b: &[u8; 4]| {
-                u32::from_le_bytes(*b)
-            }),
+            IndexType::U32 => {
+                self.elements(accessor, &view, offset, count, |b: &[u8; 4]| u32::from_le_bytes(*b))
+            }
         }?;
         let values: Vec<[f64; 3]> =
             self.elements(accessor, &values.view(), values.offset(), count, position)?;
@@ -156,8 +147,5 @@ fn position(bytes: &[u8; 12]) -> [f64; 3] {
 }
 
 fn fault(accessor: &Accessor<'_>, problem: &str) -> Fault {
-    Fault::Accessor {
-        accessor: accessor.index(),
-        problem: problem.to_owned(),
-    }
+    Fault::Accessor { accessor: accessor.index(), problem: problem.to_owned() }
 }

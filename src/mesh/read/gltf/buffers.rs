@@ -64,9 +64,8 @@ fn decode(data: &str) -> Result<Vec<u8>, String> {
 
 fn read_beside(folder: &Path, uri: &str, length: usize) -> Result<Vec<u8>, String> {
     let path = PathBuf::from(percent_decoded(uri));
-    let relative = path
-        .components()
-        .all(|part| !matches!(part, Component::Prefix(_) | Component::RootDir));
+    let relative =
+        path.components().all(|part| !matches!(part, Component::Prefix(_) | Component::RootDir));
     if uri.contains("://") || !relative {
         return Err(format!(
             "`{uri}` is not beside the document; put the file there and name it without a folder"
@@ -74,19 +73,14 @@ fn read_beside(folder: &Path, uri: &str, length: usize) -> Result<Vec<u8>, Strin
     }
     let path = folder.join(path);
     let complain = |error: std::io::Error| {
-        format!(
-            "{} cannot be read: {error}; a .gltf has to lie beside its buffers",
-            path.display()
-        )
+        format!("{} cannot be read: {error}; a .gltf has to lie beside its buffers", path.display())
     };
     let file = File::open(&path).map_err(complain)?;
     if !file.metadata().map_err(complain)?.is_file() {
         return Err(format!("{} is not a file", path.display()));
     }
     let mut bytes = Vec::new();
-    file.take(length as u64)
-        .read_to_end(&mut bytes)
-        .map_err(complain)?;
+    file.take(length as u64).read_to_end(&mut bytes).map_err(complain)?;
     Ok(bytes)
 }
 
@@ -132,11 +126,7 @@ mod tests {
         assert_eq!(read("a%20b.bin").unwrap(), [1, 2, 3]);
         assert!(read("c.bin").unwrap_err().contains("c.bin cannot be read"));
         assert!(read("/etc/hostname").unwrap_err().contains("not beside"));
-        assert!(
-            read("https://x.org/a.bin")
-                .unwrap_err()
-                .contains("not beside")
-        );
+        assert!(read("https://x.org/a.bin").unwrap_err().contains("not beside"));
         assert!(read(".").is_err());
     }
 

@@ -51,10 +51,7 @@ fn check_header(bytes: &[u8]) -> Result<(), Fault> {
             "the GLB header gives the impossible length {promised}"
         ))),
         Some(promised) if promised <= bytes.len() => Ok(()),
-        Some(promised) => Err(Fault::TruncatedGlb(format!(
-            "{} of {promised} bytes",
-            bytes.len()
-        ))),
+        Some(promised) => Err(Fault::TruncatedGlb(format!("{} of {promised} bytes", bytes.len()))),
         None => Err(Fault::TruncatedGlb("the header is incomplete".to_owned())),
     }
 }
@@ -77,9 +74,7 @@ fn keep_geometry(root: &mut Root) -> Result<(), Fault> {
     for primitive in root.meshes.iter_mut().flat_map(|mesh| &mut mesh.primitives) {
         primitive.material = None;
         primitive.targets = None;
-        primitive
-            .attributes
-            .retain(|name, _| *name == Checked::Valid(Semantic::Positions));
+        primitive.attributes.retain(|name, _| *name == Checked::Valid(Semantic::Positions));
         for accessor in primitive.attributes.values() {
             let index = accessor.value();
             let Some(accessor) = root.accessors.get_mut(index) else {
@@ -100,9 +95,9 @@ fn invalid(error: gltf::Error) -> Fault {
         gltf::Error::Binary(
             binary::Error::Io(_) | binary::Error::Length { .. } | binary::Error::ChunkLength { .. },
         ) => Fault::TruncatedGlb("a chunk is incomplete".to_owned()),
-        gltf::Error::Binary(binary::Error::Version(version)) => Fault::InvalidDocument(format!(
-            "it is GLB version {version}, and version 2 is read"
-        )),
+        gltf::Error::Binary(binary::Error::Version(version)) => {
+            Fault::InvalidDocument(format!("it is GLB version {version}, and version 2 is read"))
+        }
         gltf::Error::Validation(errors) => Fault::InvalidDocument(
             errors
                 .iter()

@@ -53,20 +53,14 @@ fn strips_and_fans_wind_as_the_format_says() {
 
 #[test]
 fn what_is_no_surface_is_left_out_and_said() {
-    let place = Place::Primitive {
-        mesh: 0,
-        primitive: 0,
-    };
+    let place = Place::Primitive { mesh: 0, primitive: 0 };
     for points_or_lines in 0..4 {
         let raw = parse(&corner_bytes(), &mode(points_or_lines)).unwrap();
         assert_eq!((raw.triangles.len(), raw.left_out), (0, vec![place]));
     }
     // Four vertices are a triangle and a bit.
     let raw = parse(&corner_bytes(), &mode(4)).unwrap();
-    assert_eq!(
-        (raw.triangles, raw.left_out),
-        (vec![[0, 1, 2]], vec![place])
-    );
+    assert_eq!((raw.triangles, raw.left_out), (vec![[0, 1, 2]], vec![place]));
 }
 
 #[test]
@@ -88,21 +82,8 @@ fn instances_are_copies_and_shared_accessors_are_read_once() {
     // Node 1 and its child, two primitives each, four positions each.
     assert_eq!((raw.positions.len(), raw.triangles.len()), (8, 8));
     assert_eq!(raw.positions[4], [0.0, 0.0, 2.0]);
-    assert_eq!(
-        raw.position_place(6),
-        Some(Place::Element {
-            accessor: 0,
-            element: 2
-        })
-    );
-    assert_eq!(
-        raw.triangle_place(3),
-        Some(Place::Triangle {
-            mesh: 0,
-            primitive: 1,
-            triangle: 1
-        })
-    );
+    assert_eq!(raw.position_place(6), Some(Place::Element { accessor: 0, element: 2 }));
+    assert_eq!(raw.triangle_place(3), Some(Place::Triangle { mesh: 0, primitive: 1, triangle: 1 }));
 }
 
 #[test]
@@ -137,16 +118,10 @@ fn an_index_out_of_range_names_its_triangle() {
         "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}]"#
     );
     let failure = parse(&bytes, &rest).unwrap_err();
-    let place = Place::Triangle {
-        mesh: 0,
-        primitive: 0,
-        triangle: 1,
-    };
+    let place = Place::Triangle { mesh: 0, primitive: 0, triangle: 1 };
     assert_eq!(failure.place, Some(place));
     assert!(failure.fault.to_string().contains("vertex index 4"));
-    let floats = rest
-        .replace("5123", "5126")
-        .replace("count\":6", "count\":3");
+    let floats = rest.replace("5123", "5126").replace("count\":6", "count\":3");
     assert!(message(&bytes, &floats).contains("unsigned integers"));
 }
 
@@ -194,10 +169,7 @@ fn nodes_must_be_a_tree_and_instances_few() {
     // unless the mesh has a million primitives.
     let many = vec![r#"{"mesh":0}"#; 1000].join(",");
     let roots: Vec<String> = (0..1000).map(|i| i.to_string()).collect();
-    let scene = format!(
-        r#""nodes":[{many}],"scenes":[{{"nodes":[{}]}}]"#,
-        roots.join(",")
-    );
+    let scene = format!(r#""nodes":[{many}],"scenes":[{{"nodes":[{}]}}]"#, roots.join(","));
     let rest = mode(4).replace(ONE_NODE, &scene);
     assert_eq!(parse(&corner_bytes(), &rest).unwrap().positions.len(), 4000);
     let zeros = vec![0; 12 * 3000];

@@ -9,9 +9,8 @@ pub struct Affine {
 }
 
 impl Affine {
-    pub const IDENTITY: Self = Self {
-        rows: [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]],
-    };
+    pub const IDENTITY: Self =
+        Self { rows: [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]] };
 
     /// The local transform of a node. A rotation is normalised first: in single precision it never quite is.
     pub fn of(transform: &Transform) -> Self {
@@ -27,18 +26,12 @@ impl Affine {
                     ],
                 }
             }
-            Transform::Decomposed {
-                translation,
-                rotation,
-                scale,
-            } => {
+            Transform::Decomposed { translation, rotation, scale } => {
                 let t = translation.map(f64::from);
                 let s = scale.map(f64::from);
                 let [r0, r1, r2] = rotation_matrix(rotation.map(f64::from));
                 let row = |r: [f64; 3], t| [r[0] * s[0], r[1] * s[1], r[2] * s[2], t];
-                Self {
-                    rows: [row(r0, t[0]), row(r1, t[1]), row(r2, t[2])],
-                }
+                Self { rows: [row(r0, t[0]), row(r1, t[1]), row(r2, t[2])] }
             }
         }
     }
@@ -72,21 +65,9 @@ fn rotation_matrix(quaternion: [f64; 4]) -> [[f64; 3]; 3] {
     }
     let [x, y, z, w] = quaternion.map(|c| c / length);
     [
-        [
-            1. - 2. * (y * y + z * z),
-            2. * (x * y - z * w),
-            2. * (x * z + y * w),
-        ],
-        [
-            2. * (x * y + z * w),
-            1. - 2. * (x * x + z * z),
-            2. * (y * z - x * w),
-        ],
-        [
-            2. * (x * z - y * w),
-            2. * (y * z + x * w),
-            1. - 2. * (x * x + y * y),
-        ],
+        [1. - 2. * (y * y + z * z), 2. * (x * y - z * w), 2. * (x * z + y * w)],
+        [2. * (x * y + z * w), 1. - 2. * (x * x + z * z), 2. * (y * z - x * w)],
+        [2. * (x * z - y * w), 2. * (y * z + x * w), 1. - 2. * (x * x + y * y)],
     ]
 }
 
@@ -106,10 +87,7 @@ mod tests {
             rotation: [0., 0., h, h],
             scale: [2., 3., 4.],
         });
-        assert!(close(
-            quarter_turn_about_z.apply([1., 1., 1.]),
-            [7., 2., 4.]
-        ));
+        assert!(close(quarter_turn_about_z.apply([1., 1., 1.]), [7., 2., 4.]));
         assert!(!quarter_turn_about_z.mirrors());
     }
 

@@ -20,9 +20,7 @@ impl Line<'_> {
     }
 
     pub fn words(&self) -> impl Iterator<Item = &[u8]> {
-        self.text
-            .split(u8::is_ascii_whitespace)
-            .filter(|word| !word.is_empty())
+        self.text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
     }
 }
 
@@ -45,10 +43,7 @@ pub fn lines(text: &[u8]) -> impl Iterator<Item = Line<'_>> {
 }
 
 fn bare(line: &[u8]) -> &[u8] {
-    line.split(|&b| b == b'#')
-        .next()
-        .unwrap_or(line)
-        .trim_ascii()
+    line.split(|&b| b == b'#').next().unwrap_or(line).trim_ascii()
 }
 
 /// Feeds tobj, and remembers which line it was given last.
@@ -75,14 +70,7 @@ impl<'a, I: Iterator<Item = Line<'a>>> Geometry<'a, I> {
             }
             current.push(b'\n');
         }
-        Self {
-            lines,
-            current,
-            read: 0,
-            at: None,
-            positions: Vec::new(),
-            faces: Vec::new(),
-        }
+        Self { lines, current, read: 0, at: None, positions: Vec::new(), faces: Vec::new() }
     }
 
     fn advance(&mut self) {
@@ -146,20 +134,11 @@ mod tests {
     fn lines_are_counted_joined_and_stripped() {
         let text = b"\xef\xbb\xbf# top\r\n\r\n  v 1 2 3 # here\r\nf 1 2 \\\r\n  3\r\nf 3 2 1";
         let seen: Vec<_> = lines(text)
-            .map(|line| {
-                (
-                    line.number,
-                    String::from_utf8_lossy(&line.text).into_owned(),
-                )
-            })
+            .map(|line| (line.number, String::from_utf8_lossy(&line.text).into_owned()))
             .collect();
         assert_eq!(
             seen,
-            [
-                (3, "v 1 2 3".to_owned()),
-                (4, "f 1 2  3".to_owned()),
-                (6, "f 3 2 1".to_owned())
-            ]
+            [(3, "v 1 2 3".to_owned()), (4, "f 1 2  3".to_owned()), (6, "f 3 2 1".to_owned())]
         );
     }
 

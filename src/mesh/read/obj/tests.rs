@@ -56,15 +56,9 @@ fn negative_indices_count_from_the_line_they_stand_on() {
 fn polygons_become_fans_and_lines_are_left_out() {
     let text = format!("{SQUARE}v 0 .5 0\nf 1 2 3 4 5\nl 1 2 3\np 1\nf 1 2\nf 1 2 3 4\n");
     let raw = read(text.as_bytes()).unwrap();
-    assert_eq!(
-        raw.triangles,
-        [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 2, 3]]
-    );
+    assert_eq!(raw.triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 2, 3]]);
     assert_eq!(raw.polygons, [Place::Line(6), Place::Line(10)]);
-    assert_eq!(
-        raw.left_out,
-        [Place::Line(7), Place::Line(8), Place::Line(9)]
-    );
+    assert_eq!(raw.left_out, [Place::Line(7), Place::Line(8), Place::Line(9)]);
     assert_eq!(raw.triangle_place(3), Some(Place::Line(10)));
 }
 
@@ -91,15 +85,9 @@ fn errors_name_the_line() {
     assert!(message.contains("`v 1,5 0 0`") && message.contains("decimal point"));
 
     assert_eq!(failure("v 0 0\n").0, Some(Place::Line(1)));
-    assert_eq!(
-        failure(&format!("{SQUARE}f 1 2 x\n")).0,
-        Some(Place::Line(5))
-    );
+    assert_eq!(failure(&format!("{SQUARE}f 1 2 x\n")).0, Some(Place::Line(5)));
     assert_eq!(failure("v 0 0 0\nv 1 1 1 0\n").0, Some(Place::Line(2)));
-    assert_eq!(
-        read(b"v \xff 0 0\n").unwrap_err().place,
-        Some(Place::Line(1))
-    );
+    assert_eq!(read(b"v \xff 0 0\n").unwrap_err().place, Some(Place::Line(1)));
 }
 
 #[test]
@@ -112,8 +100,5 @@ fn indices_out_of_range_name_the_line_and_the_index() {
     }
     assert_eq!(failure("f 1 2 3\n").0, Some(Place::Line(1)));
     // No position index at all.
-    assert_eq!(
-        failure(&format!("{SQUARE}f /1 2 3\n")).0,
-        Some(Place::Line(5))
-    );
+    assert_eq!(failure(&format!("{SQUARE}f /1 2 3\n")).0, Some(Place::Line(5)));
 }
