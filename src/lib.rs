@@ -3,6 +3,7 @@
 pub mod ggnn;
 pub mod mesh;
 pub mod operators;
+pub mod publish;
 pub mod remesh;
 pub mod spectrum;
 pub mod store;
