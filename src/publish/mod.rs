@@ -1,7 +1,15 @@
 //! Results as files and as text.
 //!
+//! - [`result`]: `spectrum.json`, what was found of one mesh and how it was checked
+//! - [`report`]: `run.json` and the document of `chladni run --format json`, what the work was
+//! - [`json`]: these documents as bytes
 //! - [`atomic`]: bytes into files that are whole at any time
 
 pub mod atomic;
+pub mod json;
+pub mod report;
+pub mod result;
 
 pub use atomic::{PublishError, Written, write, write_if_changed};
+pub use report::{MeshReport, RunRecord, RunReport};
+pub use result::{Eigenpair, Spectrum};

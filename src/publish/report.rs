@@ -1,0 +1,223 @@
+//! What the work was: `run.json` for one mesh, and the document of `chladni run --format json` for all of them.
+//!
+//! Here are the times and what the cache gave, which `spectrum.json` leaves out.
+
+use serde::{Deserialize, Serialize};
+
+use super::json::{null_is_nan, optional_hash};
+use super::result::{Completeness, Eigenpair, Spectrum, Verdict};
+use crate::mesh::MeshHash;
+
+/// The format of `run.json`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum RunRecordSchema {
+    /// The one that [`RunRecord`] describes.
+    #[default]
+    #[serde(rename = "chladni-mesh-run-1")]
+    V1,
+}
+
+/// The document `run.json`: how the results of one mesh came about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// The format.
+    pub schema: RunRecordSchema,
+    /// The stages in their order.
+    pub stages: Vec<StageRecord>,
+    /// The pairs that took work of their own, by ascending k.
+    pub pairs: Vec<PairRecord>,
+    /// Blocks that were trained.
+    pub trained: usize,
+    /// Blocks that came from the store.
+    pub reused: usize,
+    /// From the first stage to the last.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub seconds: f64,
+}
+
+/// One stage of the work on one mesh.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StageRecord {
+    /// Its name.
+    pub stage: String,
+    /// Whether its result came from the store.
+    pub cached: bool,
+    /// How long it took.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub seconds: f64,
+}
+
+/// The work for one eigenpair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PairRecord {
+    /// Its place, from 1.
+    pub k: usize,
+    /// Whether its block came from the store.
+    pub cached: bool,
+    /// How long it took.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub seconds: f64,
+}
+
+/// The format of the document of `chladni run --format json`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum RunReportSchema {
+    /// The one that [`RunReport`] describes.
+    #[default]
+    #[serde(rename = "chladni-run-1")]
+    V1,
+}
+
+/// The document of `chladni run --format json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunReport {
+    /// The format.
+    pub schema: RunReportSchema,
+    /// One entry a mesh.
+    pub meshes: Vec<MeshReport>,
+    /// The whole run.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub seconds: f64,
+}
+
+impl RunReport {
+    /// The report of a run over these meshes.
+    pub fn new(meshes: Vec<MeshReport>, seconds: f64) -> Self {
+        Self { schema: RunReportSchema::V1, meshes, seconds }
+    }
+}
+
+/// How one mesh ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// All its checks are within the tolerances.
+    Verified,
+    /// It has results, but some check is not.
+    Unverified,
+    /// It has no results.
+    Failed,
+}
+
+impl From<Verdict> for Status {
+    fn from(verdict: Verdict) -> Self {
+        match verdict {
+            Verdict::Verified => Self::Verified,
+            Verdict::Unverified => Self::Unverified,
+        }
+    }
+}
+
+/// One mesh in a [`RunReport`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeshReport {
+    /// The file, as the user named it.
+    pub path: String,
+    /// The content hash; null when the file did not become a mesh.
+    #[serde(with = "optional_hash")]
+    pub hash: Option<MeshHash>,
+    /// The number of vertices; null for a failed mesh.
+    pub vertices: Option<usize>,
+    /// Surface area in squared input units; null for a failed mesh.
+    pub area: Option<f64>,
+    /// How it ended.
+    pub status: Status,
+    /// Why it is not verified.
+    pub reason: Option<String>,
+    /// The folder of its results; null for a failed mesh.
+    pub out: Option<String>,
+    /// One entry a pair; empty for a failed mesh.
+    pub eigenpairs: Vec<PairReport>,
+    /// Whether an eigenvalue was missed or repeated; null for a failed mesh.
+    pub completeness: Option<Completeness>,
+    /// Blocks that were trained.
+    pub trained: usize,
+    /// Blocks that came from the store.
+    pub reused: usize,
+    /// The work on this mesh.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub seconds: f64,
+}
+
+/// One eigenpair in a [`MeshReport`]: what was found, and what the work was.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PairReport {
+    /// As in `spectrum.json`; in the document its fields stand beside the two below.
+    #[serde(flatten)]
+    pub pair: Eigenpair,
+    /// Whether its block came from the store.
+    pub cached: bool,
+    /// How long it took; null when it took no work of its own.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub seconds: f64,
+}
+
+impl MeshReport {
+    /// A mesh with results: what was found and what the work was. `out` is the folder of the results.
+    pub fn finished(path: String, out: String, spectrum: &Spectrum, run: &RunRecord) -> Self {
+        let eigenpairs = spectrum.eigenpairs.iter().map(|pair| {
+            let work = run.pairs.iter().find(|work| work.k == pair.k);
+            PairReport {
+                pair: pair.clone(),
+                cached: work.is_some_and(|work| work.cached),
+                seconds: work.map_or(f64::NAN, |work| work.seconds),
+            }
+        });
+        Self {
+            path,
+            hash: Some(spectrum.mesh.hash),
+            vertices: Some(spectrum.mesh.vertices),
+            area: Some(spectrum.mesh.area),
+            status: spectrum.status.into(),
+            reason: shortcomings(spectrum),
+            out: Some(out),
+            eigenpairs: eigenpairs.collect(),
+            completeness: Some(spectrum.completeness.clone()),
+            trained: run.trained,
+            reused: run.reused,
+            seconds: run.seconds,
+        }
+    }
+
+    /// A mesh without results. `hash` is known when it failed after ingest.
+    pub fn failed(path: String, hash: Option<MeshHash>, reason: String, seconds: f64) -> Self {
+        Self {
+            path,
+            hash,
+            vertices: None,
+            area: None,
+            status: Status::Failed,
+            reason: Some(reason),
+            out: None,
+            eigenpairs: Vec::new(),
+            completeness: None,
+            trained: 0,
+            reused: 0,
+            seconds,
+        }
+    }
+}
+
+/// What keeps an unverified spectrum from being verified, as far as the document shows it.
+fn shortcomings(spectrum: &Spectrum) -> Option<String> {
+    if spectrum.status == Verdict::Verified {
+        return None;
+    }
+    let mut reasons = Vec::new();
+    let failing: Vec<String> = spectrum
+        .eigenpairs
+        .iter()
+        .filter(|pair| pair.verdict == Verdict::Unverified)
+        .map(|pair| pair.k.to_string())
+        .collect();
+    if !failing.is_empty() {
+        reasons.push(format!("outside the tolerances: k = {}", failing.join(", ")));
+    }
+    if !spectrum.completeness.complete {
+        reasons.push("the set of eigenvalues is not known to be complete".to_owned());
+    }
+    (!reasons.is_empty()).then(|| reasons.join("; "))
+}
+
+#[cfg(test)]
+mod tests;

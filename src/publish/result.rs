@@ -1,0 +1,273 @@
+//! What was found of one mesh and how it was checked: `spectrum.json`.
+//!
+//! Nothing here depends on when, how fast or from which cache the work was done, so equal work gives equal bytes.
+
+use serde::{Deserialize, Serialize};
+
+use super::json::{hash, null_is_nan};
+use crate::mesh::{Area, Ingested, MeshHash, Repairs};
+use crate::spectrum::certificate::{self, PairCertificate};
+use crate::spectrum::mpgd;
+
+/// The format of `spectrum.json`. A document of another format does not read as [`Spectrum`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum SpectrumSchema {
+    /// The one that [`Spectrum`] describes.
+    #[default]
+    #[serde(rename = "chladni-spectrum-1")]
+    V1,
+}
+
+/// The document `spectrum.json`: the lowest eigenpairs of one mesh, with their checks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Spectrum {
+    /// The format.
+    pub schema: SpectrumSchema,
+    /// Whether every check came out within the tolerances.
+    pub status: Verdict,
+    /// The mesh.
+    pub mesh: MeshSummary,
+    /// One entry a pair, by ascending k.
+    pub eigenpairs: Vec<Eigenpair>,
+    /// max |ΦᵀBΦ − I|.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub orthonormality: f64,
+    /// Whether an eigenvalue was missed or repeated.
+    pub completeness: Completeness,
+    /// What was mended between the file and the mesh.
+    pub repairs: RepairCounts,
+    /// What made these numbers.
+    pub provenance: Provenance,
+}
+
+/// The outcome of a check against the tolerances of the pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Within all tolerances.
+    Verified,
+    /// Outside some tolerance, or not measurable.
+    Unverified,
+}
+
+impl Verdict {
+    /// The word used in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Verified => "verified",
+            Self::Unverified => "unverified",
+        }
+    }
+}
+
+/// A mesh in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeshSummary {
+    /// The content hash.
+    #[serde(with = "hash")]
+    pub hash: MeshHash,
+    /// V, the number of vertices.
+    pub vertices: usize,
+    /// F, the number of triangles.
+    pub faces: usize,
+    /// Pieces that share no vertex.
+    pub components: usize,
+    /// Closed curves of edges with one triangle.
+    pub boundary_loops: usize,
+    /// χ = V − E + F.
+    pub euler: i64,
+    /// Surface area in squared input units.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub area: f64,
+}
+
+impl From<&Ingested> for MeshSummary {
+    fn from(ingested: &Ingested) -> Self {
+        Self {
+            hash: ingested.mesh.hash(),
+            vertices: ingested.mesh.n(),
+            faces: ingested.mesh.faces().len(),
+            components: ingested.topology.components,
+            boundary_loops: ingested.topology.boundary_loops,
+            euler: ingested.topology.euler_characteristic,
+            area: ingested.mesh.area().0,
+        }
+    }
+}
+
+/// One eigenpair (λ, φ) and what was measured of it. See [`PairCertificate`] for the measures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Eigenpair {
+    /// Its place, from 1.
+    pub k: usize,
+    /// θ, the Rayleigh quotient of φ, in 1/(input unit)².
+    #[serde(deserialize_with = "null_is_nan")]
+    pub lambda: f64,
+    /// λ times the surface area, which has no unit.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub lambda_area: f64,
+    /// Where φ comes from.
+    pub source: Source,
+    /// The cluster of the reference spectrum that it belongs to, from 0.
+    pub cluster: usize,
+    /// ‖Lφ − θBφ‖ in the B⁻¹ norm.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub residual: f64,
+    /// The energy residual ρ.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub rho: f64,
+    /// M-PGD's eigenvalue; null when M-PGD did not get there.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub lambda_mpgd: f64,
+    /// The reference solver's eigenvalue.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub lambda_fem: f64,
+    /// Largest principal angle to M-PGD's cluster, radians.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub angle_mpgd: f64,
+    /// Largest principal angle to the reference cluster, radians.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub angle_fem: f64,
+    /// How M-PGD went; null for pairs that were given to it and pairs it did not get to.
+    pub mpgd: Option<MpgdRun>,
+    /// Whether the measures are within the tolerances.
+    pub verdict: Verdict,
+}
+
+impl Eigenpair {
+    /// Pair `k` (from 1) of a mesh of this area, with its measures.
+    pub fn new(
+        k: usize,
+        source: Source,
+        verdict: Verdict,
+        measured: &PairCertificate,
+        area: Area,
+        mpgd: Option<mpgd::Run>,
+    ) -> Self {
+        Self {
+            k,
+            lambda: measured.lambda,
+            lambda_area: measured.lambda * area.0,
+            source,
+            cluster: measured.cluster,
+            residual: measured.residual,
+            rho: measured.rho,
+            lambda_mpgd: measured.lambda_mpgd,
+            lambda_fem: measured.lambda_fem,
+            angle_mpgd: measured.angle_mpgd,
+            angle_fem: measured.angle_fem,
+            mpgd: mpgd.map(MpgdRun::from),
+            verdict,
+        }
+    }
+}
+
+/// Where an eigenfunction comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Source {
+    /// The normalised indicator of a component, known in advance.
+    Constant,
+    /// A block trained on the family of this mesh.
+    Trained,
+}
+
+impl Source {
+    /// The word used in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Constant => "constant",
+            Self::Trained => "trained",
+        }
+    }
+}
+
+/// How M-PGD went for one pair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MpgdRun {
+    /// Steps taken.
+    pub iterations: usize,
+    /// Which condition ended it.
+    pub stopped_by: mpgd::StoppedBy,
+}
+
+impl From<mpgd::Run> for MpgdRun {
+    fn from(run: mpgd::Run) -> Self {
+        Self { iterations: run.iterations, stopped_by: run.stopped_by }
+    }
+}
+
+/// Whether an eigenvalue was missed or repeated. See [`certificate::Completeness`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Completeness {
+    /// The shift, in 1/(input unit)².
+    #[serde(deserialize_with = "null_is_nan")]
+    pub sigma: f64,
+    /// The exact number of eigenvalues below σ; null when rounding could have changed it.
+    pub count: Option<usize>,
+    /// The number of Ritz values of the set below σ.
+    pub found: usize,
+    /// Nothing is missing.
+    pub complete: bool,
+    /// K ends inside a cluster, whose further members were not asked for.
+    pub cut_cluster: bool,
+}
+
+impl From<certificate::Completeness> for Completeness {
+    fn from(counted: certificate::Completeness) -> Self {
+        let certificate::Completeness { sigma, count, found, complete, cut_cluster } = counted;
+        Self { sigma, count, found, complete, cut_cluster }
+    }
+}
+
+/// How often each repair was made. See [`Repairs`].
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RepairCounts {
+    /// Vertices that became one with an earlier one.
+    pub welded_vertices: usize,
+    /// Dropped triangles that named a vertex twice.
+    pub collapsed_faces: usize,
+    /// Dropped triangles of three vertices in a line.
+    pub zero_area_faces: usize,
+    /// Dropped triangles with the vertices of an earlier one.
+    pub duplicate_faces: usize,
+    /// Dropped vertices that no triangle uses.
+    pub unreferenced_vertices: usize,
+    /// Faces of more than three corners that were split.
+    pub polygons: usize,
+    /// Points, lines and two-corner faces, which are no surface.
+    pub left_out: usize,
+}
+
+impl From<&Repairs> for RepairCounts {
+    fn from(repairs: &Repairs) -> Self {
+        Self {
+            welded_vertices: repairs.welded_vertices.count,
+            collapsed_faces: repairs.collapsed_faces.count,
+            zero_area_faces: repairs.zero_area_faces.count,
+            duplicate_faces: repairs.duplicate_faces.count,
+            unreferenced_vertices: repairs.unreferenced_vertices.count,
+            polygons: repairs.polygons.count,
+            left_out: repairs.left_out.count,
+        }
+    }
+}
+
+/// What made the numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// The version of this crate.
+    pub chladni: String,
+    /// The parameters of the pipeline that can change a number.
+    pub parameters: serde_json::Value,
+}
+
+impl Provenance {
+    /// These parameters and the version that is running.
+    pub fn new(parameters: serde_json::Value) -> Self {
+        Self { chladni: env!("CARGO_PKG_VERSION").to_owned(), parameters }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests;
