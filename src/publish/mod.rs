@@ -3,10 +3,12 @@
 //! - [`result`]: `spectrum.json`, what was found of one mesh and how it was checked
 //! - [`report`]: `run.json` and the document of `chladni run --format json`, what the work was
 //! - [`json`]: these documents as bytes
+//! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
 //! - [`atomic`]: bytes into files that are whole at any time
 
 pub mod atomic;
 pub mod json;
+pub mod npz;
 pub mod report;
 pub mod result;
 

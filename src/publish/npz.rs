@@ -1,0 +1,187 @@
+//! `eigen.npz`: eigenpairs and mesh for numpy. `np.load` reads every array without pickle.
+//!
+//! With n vertices, m triangles, K pairs and N vertices in the input file:
+//!
+//! | array        | type    | shape | content                                                        |
+//! |--------------|---------|-------|----------------------------------------------------------------|
+//! | `evals`      | float64 | (K,)  | λ, ascending, 1/(input unit)²                                  |
+//! | `evecs`      | float64 | (n,K) | φ, one a column, φᵀBφ = 1, C order                             |
+//! | `mass`       | float64 | (n,)  | the row sums of B: vertex areas, squared input units           |
+//! | `mass_kind`  | str     | ()    | which B: `lumped` or `consistent`                              |
+//! | `vertices`   | float64 | (n,3) | positions, input units                                         |
+//! | `faces`      | int64   | (m,3) | triangles, zero-based                                          |
+//! | `k`          | int64   | (K,)  | 1 … K                                                          |
+//! | `schema`     | str     | ()    | `chladni-eigen-1`                                              |
+//! | `vertex_map` | int64   | (N,)  | for each vertex of the input file its row above, or −1         |
+//!
+//! Indices are int64 because that is numpy's own index type: it goes into any indexing and into sparse matrices
+//! without a conversion, and differences of indices do not wrap. All is little-endian and uncompressed, with fixed
+//! time stamps in the archive: equal input gives equal bytes.
+
+use std::io::{self, BufWriter, Cursor, Seek, Write};
+
+use npyz::npz::NpzWriter;
+use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
+use npyz::{DType, WriterBuilder};
+
+use crate::mesh::TriMesh;
+use crate::operators::MassKind;
+use crate::spectrum::Eigenpairs;
+
+/// The value of the array `schema`.
+pub const SCHEMA: &str = "chladni-eigen-1";
+
+/// Above this many bytes an array is announced as large (zip64), leaving room for its header.
+const LARGE: usize = u32::MAX as usize - (1 << 16);
+
+/// What goes into `eigen.npz`.
+#[derive(Debug, Clone, Copy)]
+pub struct EigenArrays<'a> {
+    /// The mesh, n vertices.
+    pub mesh: &'a TriMesh,
+    /// K pairs, vectors n×K.
+    pub pairs: &'a Eigenpairs,
+    /// The row sums of the mass matrix, length n.
+    pub mass: &'a [f64],
+    /// Which mass matrix.
+    pub mass_kind: MassKind,
+    /// For each vertex of the input file its row, or −1.
+    pub vertex_map: &'a [i64],
+}
+
+impl EigenArrays<'_> {
+    /// The bytes of `eigen.npz`.
+    ///
+    /// # Panics
+    /// When the sizes of the parts do not agree.
+    pub fn to_npz(&self) -> Vec<u8> {
+        let (n, k) = (self.mesh.n(), self.pairs.len());
+        assert_eq!(self.mass.len(), n, "one mass a vertex");
+        assert_eq!(self.pairs.vectors.nrows(), n, "one row of the eigenfunctions a vertex");
+        assert_eq!(self.pairs.vectors.ncols(), k, "one eigenfunction an eigenvalue");
+        let mut bytes = Cursor::new(Vec::new());
+        self.write(&mut bytes).expect("memory takes any bytes, and large arrays are announced");
+        bytes.into_inner()
+    }
+
+    fn write(&self, out: impl Write + Seek) -> io::Result<()> {
+        let (n, m, k) = (self.mesh.n(), self.mesh.faces().len(), self.pairs.len());
+        let vectors = &self.pairs.vectors;
+        let rows = (0..n).flat_map(|i| (0..k).map(move |j| vectors[(i, j)]));
+        let npz = &mut NpzWriter::new(out);
+        array(npz, "evals", "<f8", &[k], self.pairs.values.iter().copied())?;
+        array(npz, "evecs", "<f8", &[n, k], rows)?;
+        array(npz, "mass", "<f8", &[n], self.mass.iter().copied())?;
+        text(npz, "mass_kind", self.mass_kind.name())?;
+        array(npz, "vertices", "<f8", &[n, 3], self.mesh.vertices().iter().flatten().copied())?;
+        let faces = self.mesh.faces().iter().flatten().map(|&i| i64::from(i));
+        array(npz, "faces", "<i8", &[m, 3], faces)?;
+        array(npz, "k", "<i8", &[k], 1..=k as i64)?;
+        text(npz, "schema", SCHEMA)?;
+        let map = self.vertex_map;
+        array(npz, "vertex_map", "<i8", &[map.len()], map.iter().copied())?;
+        npz.zip_writer().finish()?;
+        Ok(())
+    }
+}
+
+/// Adds an array whose items come in C order.
+fn array<T: npyz::Serialize>(
+    npz: &mut NpzWriter<impl Write + Seek>,
+    name: &str,
+    dtype: &str,
+    shape: &[usize],
+    items: impl Iterator<Item = T>,
+) -> io::Result<()> {
+    let dtype = DType::Plain(dtype.parse().expect("the types named in this file are numpy's"));
+    let bytes = shape.iter().fold(dtype.num_bytes().unwrap_or(0), |b, &l| b.saturating_mul(l));
+    let options = FileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default())
+        .large_file(bytes > LARGE);
+    let zip = npz.zip_writer();
+    zip.start_file(npyz::npz::file_name_from_array_name(name), options)?;
+    let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
+    let mut buffered = BufWriter::with_capacity(1 << 16, zip);
+    let mut writer =
+        npyz::WriteOptions::new().dtype(dtype).shape(&shape).writer(&mut buffered).begin_nd()?;
+    writer.extend(items)?;
+    writer.finish()?;
+    buffered.flush()
+}
+
+/// Adds a zero-dimensional array of text, which is a `str` for numpy.
+fn text(npz: &mut NpzWriter<impl Write + Seek>, name: &str, value: &str) -> io::Result<()> {
+    let length = value.chars().count();
+    array(npz, name, &format!("<U{length}"), &[], std::iter::once(value.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::sample::icosphere;
+    use crate::operators::mass::{mass, row_sums};
+    use crate::spectrum::Dense;
+
+    fn bytes() -> Vec<u8> {
+        let mesh = icosphere(1);
+        let n = mesh.n();
+        let pairs = Eigenpairs {
+            values: vec![0.0, 1.9, 2.1],
+            vectors: Dense::from_fn(n, 3, |i, j| i as f64 + 0.25 * j as f64),
+        };
+        let kind = MassKind::Consistent;
+        EigenArrays {
+            mesh: &mesh,
+            pairs: &pairs,
+            mass: &row_sums(&mass(&mesh, kind)),
+            mass_kind: kind,
+            vertex_map: &[1, -1, 0],
+        }
+        .to_npz()
+    }
+
+    fn read<T: npyz::Deserialize>(bytes: &[u8], name: &str) -> (String, Vec<u64>, Vec<T>) {
+        let mut npz = npyz::npz::NpzArchive::new(Cursor::new(bytes)).unwrap();
+        let file = npz.by_name(name).unwrap().unwrap();
+        assert_eq!(file.order(), npyz::Order::C);
+        (file.dtype().descr(), file.shape().to_vec(), file.into_vec().unwrap())
+    }
+
+    #[test]
+    fn every_array_reads_back_with_its_type_and_shape() {
+        let bytes = bytes();
+        let mesh = icosphere(1);
+        let (descr, shape, evecs) = read::<f64>(&bytes, "evecs");
+        assert_eq!((descr.as_str(), shape), ("'<f8'", vec![42, 3]));
+        assert_eq!(evecs[..4], [0.0, 0.25, 0.5, 1.0], "row by row");
+        assert_eq!(read::<f64>(&bytes, "evals").2, [0.0, 1.9, 2.1]);
+        let (descr, shape, vertices) = read::<f64>(&bytes, "vertices");
+        assert_eq!((descr.as_str(), shape), ("'<f8'", vec![42, 3]));
+        assert_eq!(vertices, mesh.vertices().as_flattened());
+        let (descr, shape, faces) = read::<i64>(&bytes, "faces");
+        assert_eq!((descr.as_str(), shape), ("'<i8'", vec![80, 3]));
+        assert_eq!(faces[..3], mesh.faces()[0].map(i64::from));
+        let area: f64 = read::<f64>(&bytes, "mass").2.iter().sum();
+        assert!((area - mesh.area().0).abs() < 1e-12);
+        assert_eq!(read::<i64>(&bytes, "k").2, [1, 2, 3]);
+        assert_eq!(read::<i64>(&bytes, "vertex_map").2, [1, -1, 0]);
+        let (descr, shape, kind) = read::<String>(&bytes, "mass_kind");
+        assert_eq!((descr.as_str(), shape), ("'<U10'", vec![]));
+        assert_eq!(kind, ["consistent"]);
+        assert_eq!(read::<String>(&bytes, "schema").2, [SCHEMA]);
+    }
+
+    #[test]
+    fn equal_input_gives_equal_bytes_and_no_entry_carries_a_time() {
+        let bytes = bytes();
+        assert_eq!(bytes, self::bytes());
+        let mut npz = npyz::npz::NpzArchive::new(Cursor::new(bytes)).unwrap();
+        let zip = npz.zip_archive();
+        assert_eq!(zip.len(), 9);
+        for i in 0..zip.len() {
+            let time = zip.by_index(i).unwrap().last_modified();
+            assert_eq!((time.year(), time.month(), time.day(), time.hour()), (1980, 1, 1, 0));
+        }
+    }
+}
