@@ -4,11 +4,13 @@
 //! - [`report`]: `run.json` and the document of `chladni run --format json`, what the work was
 //! - [`json`]: these documents as bytes
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
+//! - [`ply`]: the mesh with its eigenfunctions, for viewers
 //! - [`atomic`]: bytes into files that are whole at any time
 
 pub mod atomic;
 pub mod json;
 pub mod npz;
+pub mod ply;
 pub mod report;
 pub mod result;
 
