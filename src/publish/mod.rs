@@ -5,6 +5,7 @@
 //! - [`json`]: these documents as bytes
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
+//! - [`table`]: a run for the terminal
 //! - [`atomic`]: bytes into files that are whole at any time
 
 pub mod atomic;
@@ -13,6 +14,7 @@ pub mod npz;
 pub mod ply;
 pub mod report;
 pub mod result;
+pub mod table;
 
 pub use atomic::{PublishError, Written, write, write_if_changed};
 pub use report::{MeshReport, RunRecord, RunReport};

@@ -1,0 +1,192 @@
+//! A run for the terminal: one block a mesh, then one line for all.
+//!
+//! Numbers are rounded for reading; the documents hold all digits. λ stands with six digits and reads 0 where it is
+//! zero to working precision; the angle is the one to the reference (FEM) cluster; "–" means not measured. The text
+//! has no colours and ends with a newline.
+
+use comfy_table::presets::NOTHING;
+use comfy_table::{CellAlignment, LineStyle, Table};
+
+use super::report::{MeshReport, PairReport, RunReport, Status};
+use super::result::Completeness;
+use crate::spectrum::mpgd::StoppedBy;
+
+/// Digits of a hash that the table shows.
+const SHORT_HASH: usize = 12;
+
+/// An eigenvalue below this multiple of the largest one shown is zero to working precision.
+const ZERO: f64 = 1e-9;
+
+const COLUMNS: [(&str, CellAlignment); 9] = [
+    ("k", CellAlignment::Right),
+    ("λ", CellAlignment::Right),
+    ("λ M-PGD", CellAlignment::Right),
+    ("λ FEM", CellAlignment::Right),
+    ("angle (rad)", CellAlignment::Right),
+    ("ρ", CellAlignment::Right),
+    ("verdict", CellAlignment::Left),
+    ("source", CellAlignment::Left),
+    ("seconds", CellAlignment::Right),
+];
+
+/// The text of a run.
+pub fn run_table(report: &RunReport) -> String {
+    let mut text = String::new();
+    for mesh in &report.meshes {
+        text.push_str(&block(mesh));
+        text.push('\n');
+    }
+    text.push_str(&summary(report));
+    text.push('\n');
+    text
+}
+
+/// One mesh, each line ended.
+fn block(mesh: &MeshReport) -> String {
+    let mut lines = vec![title(mesh)];
+    if mesh.status == Status::Failed {
+        let reason = mesh.reason.as_deref().unwrap_or("no reason is known");
+        lines.push(format!("failed: {}", printable(reason)));
+    } else {
+        lines.push(pairs(&mesh.eigenpairs));
+        if mesh.eigenpairs.iter().any(mpgd_fell_short) {
+            lines.push(
+                "* M-PGD took all its steps, or was interrupted, before its tolerance was met"
+                    .to_owned(),
+            );
+        }
+        lines.extend(mesh.completeness.as_ref().map(completeness));
+        lines.push(format!(
+            "{} trained, {} reused; {}",
+            mesh.trained,
+            mesh.reused,
+            duration(mesh.seconds)
+        ));
+    }
+    lines.iter().map(|line| format!("{line}\n")).collect()
+}
+
+fn title(mesh: &MeshReport) -> String {
+    let mut title = printable(&mesh.path);
+    if let Some(hash) = mesh.hash {
+        title.push_str(&format!("  {:.SHORT_HASH$}", hash.to_string()));
+    }
+    if let Some(n) = mesh.vertices {
+        title.push_str(&format!("  n = {n}"));
+    }
+    if let Some(area) = mesh.area {
+        title.push_str(&format!("  area {}", six_digits(area)));
+    }
+    title
+}
+
+fn pairs(pairs: &[PairReport]) -> String {
+    let mut table = Table::new();
+    table.load_style(NOTHING.header_separator(LineStyle::none().fill('─').junction('─')));
+    table.set_header(COLUMNS.map(|(name, _)| name));
+    let largest = pairs.iter().fold(0.0_f64, |m, report| m.max(report.pair.lambda.abs()));
+    let lambda =
+        |value: f64| if value.abs() < ZERO * largest { "0".into() } else { six_digits(value) };
+    // The digits of a column stay below one another when some of its numbers carry a mark.
+    let unmarked = if pairs.iter().any(mpgd_fell_short) { " " } else { "" };
+    for report in pairs {
+        let pair = &report.pair;
+        let mark = if mpgd_fell_short(report) { "*" } else { unmarked };
+        table.add_row([
+            pair.k.to_string(),
+            lambda(pair.lambda),
+            lambda(pair.lambda_mpgd) + mark,
+            lambda(pair.lambda_fem),
+            two_digits(pair.angle_fem),
+            two_digits(pair.rho),
+            pair.verdict.name().to_owned(),
+            format!("{}{}", pair.source.name(), if report.cached { ", reused" } else { "" }),
+            measured(report.seconds, |seconds| format!("{seconds:.2}")),
+        ]);
+    }
+    for (column, (_, alignment)) in table.column_iter_mut().zip(COLUMNS) {
+        column.set_cell_alignment(alignment);
+    }
+    table.trim_fmt()
+}
+
+fn mpgd_fell_short(report: &PairReport) -> bool {
+    report.pair.mpgd.as_ref().is_some_and(|run| run.stopped_by != StoppedBy::Tolerance)
+}
+
+fn completeness(counted: &Completeness) -> String {
+    let Completeness { sigma, count, found, complete, cut_cluster } = counted;
+    let sigma = six_digits(*sigma);
+    let Some(count) = count else {
+        return format!(
+            "not known to be complete: the eigenvalues below σ = {sigma} cannot be counted in \
+             double precision, {found} found"
+        );
+    };
+    let verdict = match (complete, cut_cluster) {
+        (true, false) => "complete",
+        (true, true) => "complete up to a cluster that the last k cuts",
+        (false, _) => "not complete",
+    };
+    format!("{verdict}: {} below σ = {sigma}, {found} found", counted_noun(*count, "eigenvalue"))
+}
+
+fn summary(report: &RunReport) -> String {
+    let with = |status| report.meshes.iter().filter(|mesh| mesh.status == status).count();
+    let sum = |of: fn(&MeshReport) -> usize| report.meshes.iter().map(of).sum::<usize>();
+    let meshes = match report.meshes.len() {
+        1 => "1 mesh".to_owned(),
+        count => format!("{count} meshes"),
+    };
+    format!(
+        "{meshes}: {} verified, {} unverified, {} failed; {} trained, {} reused; {}",
+        with(Status::Verified),
+        with(Status::Unverified),
+        with(Status::Failed),
+        sum(|mesh| mesh.trained),
+        sum(|mesh| mesh.reused),
+        duration(report.seconds)
+    )
+}
+
+fn counted_noun(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
+fn duration(seconds: f64) -> String {
+    measured(seconds, |seconds| format!("{seconds:.2} s"))
+}
+
+/// Six significant digits, with an exponent where the number is far from 1.
+fn six_digits(value: f64) -> String {
+    measured(value, |value| {
+        let exponent = value.abs().log10().floor();
+        match exponent {
+            _ if value == 0.0 => "0".to_owned(),
+            -3.0..6.0 => format!("{value:.*}", (5.0 - exponent) as usize),
+            _ => format!("{value:.5e}"),
+        }
+    })
+}
+
+fn two_digits(value: f64) -> String {
+    measured(value, |value| format!("{value:.1e}"))
+}
+
+fn measured(value: f64, format: impl Fn(f64) -> String) -> String {
+    if value.is_finite() { format(value) } else { "–".to_owned() }
+}
+
+/// A name or message without characters that could move the cursor.
+fn printable(text: &str) -> String {
+    text.chars()
+        .flat_map(|c| {
+            let escaped = c.is_control().then(|| c.escape_default());
+            let plain = escaped.is_none().then_some(c);
+            escaped.into_iter().flatten().chain(plain)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;
