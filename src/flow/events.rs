@@ -1,0 +1,91 @@
+//! What was computed and what was reused: the log that resume and incremental runs are judged by.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+/// One stage's work on one item is done.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// The number of the item in this run.
+    pub item: usize,
+    /// The stage, as its keys name it.
+    pub stage: String,
+    /// Which of several (the eigenfunction, for training), counted from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<usize>,
+    /// The cache key, in hex.
+    pub key: String,
+    /// The digests that went into the key, by role.
+    pub inputs: Vec<(String, String)>,
+    /// The digest of what came out.
+    pub output: String,
+    /// How it came about.
+    pub how: How,
+}
+
+/// Where a stage's result came from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum How {
+    /// Computed in this run.
+    Computed,
+    /// Taken from the store.
+    Reused,
+}
+
+/// Whoever listens to events. Called from worker threads.
+pub trait EventSink: Send + Sync {
+    /// Takes note of `event`.
+    fn record(&self, event: &Event);
+}
+
+/// Keeps all events in memory.
+#[derive(Debug, Default)]
+pub struct EventLog {
+    events: Mutex<Vec<Event>>,
+}
+
+impl EventLog {
+    /// The events so far, in the order in which they happened.
+    pub fn events(&self) -> Vec<Event> {
+        self.events.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl EventSink for EventLog {
+    fn record(&self, event: &Event) {
+        self.events.lock().unwrap_or_else(PoisonError::into_inner).push(event.clone());
+    }
+}
+
+/// Appends events to a file, one JSON object a line, each in one write.
+#[derive(Debug)]
+pub struct EventFile {
+    file: Mutex<File>,
+}
+
+impl EventFile {
+    /// Opens `path` for appending.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn append(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().create(true).append(true).open(path)?;
+        Ok(Self { file: Mutex::new(file) })
+    }
+}
+
+impl EventSink for EventFile {
+    fn record(&self, event: &Event) {
+        let Ok(mut line) = serde_json::to_vec(event) else { return };
+        line.push(b'\n');
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Err(error) = file.write_all(&line) {
+            tracing::warn!(%error, "an event could not be logged");
+        }
+    }
+}
