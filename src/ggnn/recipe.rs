@@ -17,12 +17,24 @@ pub struct Ritz {
     pub batch: usize,
     /// Adam's learning rate at the first step; it falls to zero along a half cosine.
     pub learning_rate: f64,
-    /// The head is solved anew every so many steps.
-    pub solve_every: usize,
     /// Eigen-directions of the feature Gram matrix below this (relative) are cut off.
     pub cutoff: f64,
     /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
     pub shards: usize,
+}
+
+impl Default for Ritz {
+    fn default() -> Self {
+        Self {
+            shape: TrunkShape { inputs: 3, width: 128, layers: 4, iterations: 1 },
+            ranges: Ranges { encoder: 4.0, hidden: 0.005 },
+            steps: 80,
+            batch: 4,
+            learning_rate: 3e-3,
+            cutoff: 1e-10,
+            shards: 2,
+        }
+    }
 }
 
 impl Ritz {

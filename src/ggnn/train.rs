@@ -104,23 +104,20 @@ pub fn train_block(
         let untrained = untrained.ok_or(TrainError::Degenerate { step: 0 })?.quotient;
         let mut adam = Moments::new(&trunk);
         let mut history = Vec::with_capacity(recipe.steps);
-        let mut head: Option<Head> = None;
         for step in 0..recipe.steps {
             if observer.cancelled() {
                 return Err(TrainError::Cancelled);
             }
             let batch = batches.next();
             let grams = shards.grams(&trunk, &batch);
-            if head.is_none() || step % recipe.solve_every.max(1) == 0 {
-                head = grams.solve(recipe.cutoff);
-            }
-            let weights = &head.as_ref().ok_or(TrainError::Degenerate { step })?.weights;
-            let (numerator, denominator) = grams.quotient_parts(weights);
+            let Head { weights, .. } =
+                grams.solve(recipe.cutoff).ok_or(TrainError::Degenerate { step })?;
+            let (numerator, denominator) = grams.quotient_parts(&weights);
             let quotient = Quotient { value: numerator / denominator, denominator };
             if !quotient.value.is_finite() {
                 return Err(TrainError::Degenerate { step });
             }
-            let gradients = shards.gradients(weights, quotient);
+            let gradients = shards.gradients(&weights, quotient);
             adam.update(&mut trunk, gradients, recipe.learning_rate_at(step));
             history.push(quotient.value);
             observer.step(step + 1, recipe.steps, quotient.value);

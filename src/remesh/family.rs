@@ -9,6 +9,7 @@ use crate::mesh::{Topology, TriMesh};
 
 /// Which variants to make.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct FamilyRecipe {
     /// How many meshes; 1 is the mesh itself.
     pub members: usize,
@@ -18,6 +19,12 @@ pub struct FamilyRecipe {
     pub jitter: f64,
     /// Seeds the perturbations.
     pub seed: u64,
+}
+
+impl Default for FamilyRecipe {
+    fn default() -> Self {
+        Self { members: 8, vertices: 500, jitter: 0.3, seed: 1 }
+    }
 }
 
 /// The meshes that one model is trained on.

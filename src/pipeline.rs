@@ -1,0 +1,410 @@
+//! A pipeline file as types: every key with its default, unknown keys refused with the nearest known one.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use crate::ggnn::features::Normalise;
+use crate::ggnn::network::{Ranges, TrunkShape};
+use crate::ggnn::{features, recipe::Ritz};
+use crate::operators::MassKind;
+use crate::remesh::FamilyRecipe;
+use crate::spectrum::mpgd::Stopping;
+
+/// What to compute, for which meshes, and how to judge it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Pipeline {
+    /// Where meshes come from.
+    pub input: Input,
+    /// The variants that a model is trained on.
+    pub family: FamilyRecipe,
+    /// The discrete operators.
+    pub operators: OperatorOptions,
+    /// What the network reads.
+    pub features: FeatureOptions,
+    /// How many eigenpairs, and how blocks are trained.
+    pub train: Train,
+    /// The second opinions, and the tolerances of the verdict.
+    pub verify: Verify,
+    /// The files that are written.
+    pub publish: Publish,
+}
+
+/// `[input]`
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Input {
+    /// Mesh files, or folders that are searched for them; relative to the pipeline file.
+    pub paths: Vec<PathBuf>,
+}
+
+/// `[operators]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct OperatorOptions {
+    /// `lumped` (6) or `consistent` (11).
+    pub mass: MassKind,
+}
+
+/// `[features]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FeatureOptions {
+    /// `area`: coordinates are centred and scaled to unit area; `none`: as they are.
+    pub normalise: Normalise,
+}
+
+/// `[train]`
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Train {
+    /// K: eigenpairs, the constant included.
+    pub k: usize,
+    /// Seeds the initial weights and the order of batches.
+    pub seed: u64,
+    /// h_f: hidden features.
+    pub width: usize,
+    /// H: SGGC layers.
+    pub layers: usize,
+    /// I: iterations of (29) in a layer.
+    pub iterations: usize,
+    /// γ₁: the encoder's weights start in [−γ₁, γ₁].
+    pub encoder_range: f64,
+    /// γ₂: the hidden weights start in [−γ₂, γ₂].
+    pub hidden_range: f64,
+    /// Adam steps for a block.
+    pub steps: usize,
+    /// Family members in one step.
+    pub batch: usize,
+    /// Adam's learning rate at the first step; it falls to zero along a half cosine.
+    pub learning_rate: f64,
+    /// Directions of the feature Gram matrix below this (relative) are cut off.
+    pub cutoff: f64,
+    /// Parallel tapes. The bits of a result depend on it, but not on the number of threads.
+    pub shards: usize,
+}
+
+impl Default for Train {
+    fn default() -> Self {
+        let Ritz { shape, ranges, steps, batch, learning_rate, cutoff, shards } = Ritz::default();
+        Self {
+            k: 8,
+            seed: 0,
+            width: shape.width,
+            layers: shape.layers,
+            iterations: shape.iterations,
+            encoder_range: ranges.encoder,
+            hidden_range: ranges.hidden,
+            steps,
+            batch,
+            learning_rate,
+            cutoff,
+            shards,
+        }
+    }
+}
+
+impl Train {
+    /// The recipe that these options make.
+    pub fn recipe(&self) -> Ritz {
+        Ritz {
+            shape: TrunkShape {
+                inputs: features::COORDINATES,
+                width: self.width,
+                layers: self.layers,
+                iterations: self.iterations,
+            },
+            ranges: Ranges { encoder: self.encoder_range, hidden: self.hidden_range },
+            steps: self.steps,
+            batch: self.batch,
+            learning_rate: self.learning_rate,
+            cutoff: self.cutoff,
+            shards: self.shards,
+        }
+    }
+}
+
+/// `[verify]`
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Verify {
+    /// The largest relative difference of λ from the reference.
+    pub lambda_tolerance: f64,
+    /// The largest principal angle to the reference cluster, radians.
+    pub angle_tolerance: f64,
+    /// The largest entry of ΦᵀBΦ − I.
+    pub orthonormality_tolerance: f64,
+    /// M-PGD's Tol of (22).
+    pub mpgd_tolerance: f64,
+    /// M-PGD's N_its of (22).
+    pub mpgd_iterations: usize,
+    /// Seeds M-PGD's start vectors.
+    pub mpgd_seed: u64,
+}
+
+impl Default for Verify {
+    fn default() -> Self {
+        Self {
+            lambda_tolerance: 0.01,
+            angle_tolerance: 0.05,
+            orthonormality_tolerance: 1e-8,
+            mpgd_tolerance: 1e-6,
+            mpgd_iterations: 20_000,
+            mpgd_seed: 1,
+        }
+    }
+}
+
+impl Verify {
+    /// When M-PGD stops.
+    pub fn stopping(&self) -> Stopping {
+        Stopping { tolerance: self.mpgd_tolerance, max_iterations: self.mpgd_iterations }
+    }
+}
+
+/// `[publish]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Publish {
+    /// Write `eigen.ply`: the mesh with a property for every eigenfunction.
+    pub ply: bool,
+}
+
+impl Default for Publish {
+    fn default() -> Self {
+        Self { ply: true }
+    }
+}
+
+/// Why a pipeline cannot be run. Each message says where and what to do.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PipelineError {
+    /// The file is not there or not readable.
+    #[error("{path}: {reason}; give the path of a pipeline file, such as pipelines/spot.toml")]
+    Unreadable { path: String, reason: String },
+    /// The file is not TOML, or a value has the wrong type.
+    #[error("{path}: {reason}")]
+    Malformed { path: String, reason: String },
+    /// A key that no option has.
+    #[error("{path}: there is no option `{key}`{}", hint(.nearest.as_deref()))]
+    UnknownKey { path: String, key: String, nearest: Option<String> },
+    /// `--set` without `=`.
+    #[error("--set {argument}: write KEY=VALUE, for example --set train.k=10")]
+    Assignment { argument: String },
+    /// A value that cannot work.
+    #[error("{key} = {value}: {rule}")]
+    Value { key: &'static str, value: String, rule: &'static str },
+}
+
+fn hint(nearest: Option<&str>) -> String {
+    nearest.map(|name| format!("; did you mean `{name}`?")).unwrap_or_default()
+}
+
+impl Pipeline {
+    /// Reads a pipeline file, with `assignments` (`train.k=10`) laid over it. Input paths become relative to
+    /// the current directory.
+    ///
+    /// # Errors
+    /// [`PipelineError`].
+    pub fn load(path: &Path, assignments: &[String]) -> Result<Self, PipelineError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| PipelineError::Unreadable { path: name.clone(), reason: e.to_string() })?;
+        let mut pipeline = Self::parse(&name, &text, assignments)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        pipeline.input.paths.iter_mut().for_each(|p| *p = folder.join(&*p));
+        Ok(pipeline)
+    }
+
+    /// Parses the text of a pipeline file; `name` is for messages.
+    ///
+    /// # Errors
+    /// [`PipelineError`].
+    pub fn parse(name: &str, text: &str, assignments: &[String]) -> Result<Self, PipelineError> {
+        let malformed = |reason: String| PipelineError::Malformed {
+            path: name.to_string(),
+            reason: reason.trim_end().to_string(),
+        };
+        // Parsed as a pipeline first: the errors then carry line and column.
+        toml::from_str::<Self>(text).map_err(|e| malformed(e.to_string()))?;
+        let mut table: Table =
+            text.parse().map_err(|e: toml::de::Error| malformed(e.to_string()))?;
+        for argument in assignments {
+            assign(&mut table, argument)?;
+        }
+        refuse_unknown(name, &table, &known_keys())?;
+        let pipeline: Self = table.try_into().map_err(|e| malformed(e.to_string()))?;
+        pipeline.check()?;
+        Ok(pipeline)
+    }
+
+    fn check(&self) -> Result<(), PipelineError> {
+        let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
+        for (key, value) in [
+            ("train.k", k),
+            ("train.width", width),
+            ("train.iterations", iterations),
+            ("train.steps", steps),
+            ("train.batch", batch),
+            ("train.shards", shards),
+            ("family.members", self.family.members),
+            ("verify.mpgd_iterations", self.verify.mpgd_iterations),
+        ] {
+            if value == 0 {
+                return Err(PipelineError::Value {
+                    key,
+                    value: "0".into(),
+                    rule: "must be at least 1",
+                });
+            }
+        }
+        if self.family.vertices < 4 {
+            let value = self.family.vertices.to_string();
+            let rule = "a closed surface has at least 4 vertices";
+            return Err(PipelineError::Value { key: "family.vertices", value, rule });
+        }
+        for (key, value) in [
+            ("train.learning_rate", self.train.learning_rate),
+            ("train.encoder_range", self.train.encoder_range),
+            ("verify.lambda_tolerance", self.verify.lambda_tolerance),
+            ("verify.angle_tolerance", self.verify.angle_tolerance),
+            ("verify.orthonormality_tolerance", self.verify.orthonormality_tolerance),
+            ("verify.mpgd_tolerance", self.verify.mpgd_tolerance),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                let rule = "must be a positive number";
+                return Err(PipelineError::Value { key, value: value.to_string(), rule });
+            }
+        }
+        for (key, value) in [
+            ("train.hidden_range", self.train.hidden_range),
+            ("train.cutoff", self.train.cutoff),
+            ("family.jitter", self.family.jitter),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                let rule = "must not be negative";
+                return Err(PipelineError::Value { key, value: value.to_string(), rule });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Lays `section.key=value` over a table. The value is TOML, or else a plain string.
+fn assign(table: &mut Table, argument: &str) -> Result<(), PipelineError> {
+    let malformed = || PipelineError::Assignment { argument: argument.to_string() };
+    let (key, text) = argument.split_once('=').ok_or_else(malformed)?;
+    let value = format!("value = {text}")
+        .parse::<Table>()
+        .ok()
+        .and_then(|mut parsed| parsed.remove("value"))
+        .unwrap_or_else(|| Value::String(text.to_string()));
+    let (section, name) = key.trim().split_once('.').ok_or_else(malformed)?;
+    table
+        .entry(section)
+        .or_insert_with(|| Value::Table(Table::new()))
+        .as_table_mut()
+        .ok_or_else(malformed)?
+        .insert(name.to_string(), value);
+    Ok(())
+}
+
+/// All options as `section.key`, from the defaults.
+fn known_keys() -> Vec<String> {
+    let defaults = Table::try_from(Pipeline::default()).unwrap_or_default();
+    flatten(&defaults)
+}
+
+fn flatten(table: &Table) -> Vec<String> {
+    table
+        .iter()
+        .flat_map(|(section, value)| match value {
+            Value::Table(keys) => {
+                keys.keys().map(|key| format!("{section}.{key}")).collect::<Vec<_>>()
+            }
+            _ => vec![section.clone()],
+        })
+        .collect()
+}
+
+fn refuse_unknown(name: &str, table: &Table, known: &[String]) -> Result<(), PipelineError> {
+    let sections: Vec<&str> = known.iter().filter_map(|k| Some(k.split_once('.')?.0)).collect();
+    let empty = table.iter().filter(|(section, value)| {
+        value.as_table().is_some_and(Table::is_empty) && !sections.contains(&section.as_str())
+    });
+    let unknown = flatten(table)
+        .into_iter()
+        .chain(empty.map(|(section, _)| section.clone()))
+        .find(|key| !known.contains(key) && !sections.contains(&key.as_str()));
+    match unknown {
+        None => Ok(()),
+        Some(key) => Err(PipelineError::UnknownKey {
+            path: name.to_string(),
+            nearest: nearest(&key, known),
+            key,
+        }),
+    }
+}
+
+/// The known key that looks most like `key`, unless none does.
+fn nearest(key: &str, known: &[String]) -> Option<String> {
+    // A right key in the wrong section is the nearest of all.
+    let last = key.rsplit('.').next().unwrap_or(key);
+    if let Some(moved) = known.iter().find(|k| k.rsplit('.').next() == Some(last)) {
+        return Some(moved.clone());
+    }
+    let best = known
+        .iter()
+        .max_by(|a, b| strsim::jaro_winkler(key, a).total_cmp(&strsim::jaro_winkler(key, b)))?;
+    (strsim::jaro_winkler(key, best) > 0.75).then(|| best.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str, set: &[&str]) -> Result<Pipeline, PipelineError> {
+        let set: Vec<String> = set.iter().map(ToString::to_string).collect();
+        Pipeline::parse("p.toml", text, &set)
+    }
+
+    #[test]
+    fn every_key_has_a_default() {
+        assert_eq!(parse("", &[]), Ok(Pipeline::default()));
+    }
+
+    #[test]
+    fn assignments_win_over_the_file() {
+        let pipeline =
+            parse("[train]\nk = 4", &["train.k=10", "operators.mass=consistent"]).unwrap();
+        assert_eq!((pipeline.train.k, pipeline.operators.mass), (10, MassKind::Consistent));
+    }
+
+    #[test]
+    fn unknown_keys_name_the_nearest_known_one() {
+        let message = |text, set: &[&str]| parse(text, set).unwrap_err().to_string();
+        assert_eq!(
+            message("[train]\nlearning_rat = 1e-3", &[]),
+            "p.toml: there is no option `train.learning_rat`; did you mean `train.learning_rate`?"
+        );
+        assert_eq!(
+            message("", &["train.lambda_tolerance=1"]),
+            "p.toml: there is no option `train.lambda_tolerance`; did you mean `verify.lambda_tolerance`?"
+        );
+        assert_eq!(message("[zzz]", &[]), "p.toml: there is no option `zzz`");
+        assert!(message("[zzz]\nq = 1", &[]).starts_with("p.toml: there is no option `zzz.q`"));
+    }
+
+    #[test]
+    fn wrong_values_say_which_and_why() {
+        assert_eq!(
+            parse("", &["train.k=0"]).unwrap_err().to_string(),
+            "train.k = 0: must be at least 1"
+        );
+        assert!(parse("[train]\nk = \"many\"", &[]).unwrap_err().to_string().contains("line 2"));
+        assert!(parse("", &["train.k"]).unwrap_err().to_string().contains("KEY=VALUE"));
+        assert!(parse("", &["verify.angle_tolerance=nan"]).is_err());
+    }
+}
