@@ -153,8 +153,15 @@ pub struct PairReport {
 }
 
 impl MeshReport {
-    /// A mesh with results: what was found and what the work was. `out` is the folder of the results.
-    pub fn finished(path: String, out: String, spectrum: &Spectrum, run: &RunRecord) -> Self {
+    /// A mesh with results: what was found and what the work was. `out` is the folder of the results,
+    /// `reason` what an unverified spectrum falls short of.
+    pub fn finished(
+        path: String,
+        out: String,
+        spectrum: &Spectrum,
+        reason: Option<String>,
+        run: &RunRecord,
+    ) -> Self {
         let eigenpairs = spectrum.eigenpairs.iter().map(|pair| {
             let work = run.pairs.iter().find(|work| work.k == pair.k);
             PairReport {
@@ -169,7 +176,7 @@ impl MeshReport {
             vertices: Some(spectrum.mesh.vertices),
             area: Some(spectrum.mesh.area),
             status: spectrum.status.into(),
-            reason: shortcomings(spectrum),
+            reason,
             out: Some(out),
             eigenpairs: eigenpairs.collect(),
             completeness: Some(spectrum.completeness.clone()),
@@ -196,27 +203,6 @@ impl MeshReport {
             seconds,
         }
     }
-}
-
-/// What keeps an unverified spectrum from being verified, as far as the document shows it.
-fn shortcomings(spectrum: &Spectrum) -> Option<String> {
-    if spectrum.status == Verdict::Verified {
-        return None;
-    }
-    let mut reasons = Vec::new();
-    let failing: Vec<String> = spectrum
-        .eigenpairs
-        .iter()
-        .filter(|pair| pair.verdict == Verdict::Unverified)
-        .map(|pair| pair.k.to_string())
-        .collect();
-    if !failing.is_empty() {
-        reasons.push(format!("outside the tolerances: k = {}", failing.join(", ")));
-    }
-    if !spectrum.completeness.complete {
-        reasons.push("the set of eigenvalues is not known to be complete".to_owned());
-    }
-    (!reasons.is_empty()).then(|| reasons.join("; "))
 }
 
 #[cfg(test)]

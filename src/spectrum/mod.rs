@@ -6,6 +6,7 @@
 //! - [`rayleigh_ritz`]: small dense eigenproblems, and projection onto a subspace
 //! - [`factor`]: sparse factorisations L + μB = RᵀR and L − σB = R D Rᵀ
 //! - [`fem`]: shift-invert block Lanczos, the reference
+//! - [`nullspace`]: the eigenfunctions of λ = 0
 //! - [`mpgd`]: the paper's Algorithm 1, the second opinion
 //! - [`inertia`]: the exact number of eigenvalues below a shift
 //! - [`certificate`]: what was checked of a set of eigenpairs
@@ -17,6 +18,7 @@ pub mod factor;
 pub mod fem;
 pub mod inertia;
 pub mod mpgd;
+pub mod nullspace;
 pub mod pencil;
 pub mod rayleigh_ritz;
 

@@ -93,7 +93,7 @@ fn descend(
     apply(pencil.mass, &t, &mut bt);
     let mut run = Run { iterations: 0, change: f64::INFINITY, stopped_by: StoppedBy::Count };
     while run.iterations < stopping.max_iterations {
-        if run.iterations % 256 == 0 && run.iterations > 0 {
+        if run.iterations > 0 && run.iterations.is_multiple_of(256) {
             if cancelled() {
                 run.stopped_by = StoppedBy::Cancelled;
                 break;

@@ -1,0 +1,308 @@
+//! What the store keeps of each stage: plain vectors, and how they become the numerics' types again.
+
+use rkyv::{Archive, Deserialize, Serialize};
+
+use crate::ggnn::block::{Block, TrainingRecord};
+use crate::ggnn::network::TrunkShape;
+use crate::mesh::TriMesh;
+use crate::mesh::trimesh::InvalidMesh;
+use crate::operators::{MassKind, Operators, Sparse};
+use crate::remesh::Family;
+use crate::spectrum::certificate::{Completeness, PairCertificate, References};
+use crate::spectrum::mpgd::{Run, StoppedBy};
+use crate::spectrum::{Certificate, Dense, Eigenpairs};
+use crate::store::Artifact;
+
+macro_rules! artifact {
+    ($type:ident, $stage:literal, version $version:literal, schema $schema:literal) => {
+        impl Artifact for $type {
+            const STAGE: &'static str = $stage;
+            const VERSION: u32 = $version;
+            const SCHEMA: u32 = $schema;
+        }
+    };
+}
+
+artifact!(FamilyArtifact, "remesh", version 1, schema 1);
+artifact!(OperatorsArtifact, "assemble", version 1, schema 1);
+artifact!(BlockArtifact, "train", version 1, schema 1);
+artifact!(PredictionArtifact, "predict", version 1, schema 1);
+artifact!(ReferenceArtifact, "reference", version 1, schema 1);
+artifact!(CertificateArtifact, "certify", version 1, schema 1);
+
+/// The variants of a mesh: positions and triangles.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct FamilyArtifact {
+    members: Vec<(Vec<[f64; 3]>, Vec<[u32; 3]>)>,
+}
+
+impl From<&Family> for FamilyArtifact {
+    fn from(family: &Family) -> Self {
+        let parts = |mesh: &TriMesh| (mesh.vertices().to_vec(), mesh.faces().to_vec());
+        Self { members: family.members.iter().map(parts).collect() }
+    }
+}
+
+impl TryFrom<FamilyArtifact> for Family {
+    type Error = InvalidMesh;
+
+    fn try_from(artifact: FamilyArtifact) -> Result<Self, InvalidMesh> {
+        let members = artifact.members.into_iter().map(|(v, f)| TriMesh::new(v, f));
+        Ok(Self { members: members.collect::<Result<_, _>>()? })
+    }
+}
+
+/// A sparse matrix in compressed rows.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+struct SparseParts {
+    pointers: Vec<u32>,
+    columns: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl From<&Sparse> for SparseParts {
+    fn from(matrix: &Sparse) -> Self {
+        let narrow = |indices: &[usize]| indices.iter().map(|&i| i as u32).collect();
+        Self {
+            pointers: narrow(&matrix.proper_indptr()),
+            columns: narrow(matrix.indices()),
+            values: matrix.data().to_vec(),
+        }
+    }
+}
+
+impl From<SparseParts> for Sparse {
+    fn from(parts: SparseParts) -> Self {
+        let widen = |indices: Vec<u32>| indices.into_iter().map(|i| i as usize).collect();
+        let n = parts.pointers.len().saturating_sub(1);
+        Self::new((n, n), widen(parts.pointers), widen(parts.columns), parts.values)
+    }
+}
+
+/// The operators of one mesh.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct OperatorsArtifact {
+    adjacency: SparseParts,
+    stiffness: SparseParts,
+    mass: SparseParts,
+    consistent: bool,
+}
+
+impl From<&Operators> for OperatorsArtifact {
+    fn from(operators: &Operators) -> Self {
+        Self {
+            adjacency: (&operators.adjacency).into(),
+            stiffness: (&operators.stiffness).into(),
+            mass: (&operators.mass).into(),
+            consistent: operators.mass_kind == MassKind::Consistent,
+        }
+    }
+}
+
+impl From<OperatorsArtifact> for Operators {
+    fn from(artifact: OperatorsArtifact) -> Self {
+        Self {
+            adjacency: artifact.adjacency.into(),
+            stiffness: artifact.stiffness.into(),
+            mass: artifact.mass.into(),
+            mass_kind: if artifact.consistent { MassKind::Consistent } else { MassKind::Lumped },
+        }
+    }
+}
+
+/// One trained block.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct BlockArtifact {
+    /// inputs, width, layers, iterations.
+    shape: [u32; 4],
+    weights: Vec<Vec<f32>>,
+    head: Vec<f64>,
+    history: Vec<f64>,
+    untrained: f64,
+    trained: f64,
+}
+
+impl From<&Block> for BlockArtifact {
+    fn from(block: &Block) -> Self {
+        let TrunkShape { inputs, width, layers, iterations } = block.shape;
+        Self {
+            shape: [inputs, width, layers, iterations].map(|size| size as u32),
+            weights: block.weights.clone(),
+            head: block.head.clone(),
+            history: block.record.history.clone(),
+            untrained: block.record.untrained,
+            trained: block.record.trained,
+        }
+    }
+}
+
+impl From<BlockArtifact> for Block {
+    fn from(artifact: BlockArtifact) -> Self {
+        let [inputs, width, layers, iterations] = artifact.shape.map(|size| size as usize);
+        Self {
+            shape: TrunkShape { inputs, width, layers, iterations },
+            weights: artifact.weights,
+            head: artifact.head,
+            record: TrainingRecord {
+                history: artifact.history,
+                untrained: artifact.untrained,
+                trained: artifact.trained,
+            },
+        }
+    }
+}
+
+/// n×k vectors, column by column.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+struct Columns {
+    n: u32,
+    data: Vec<f64>,
+}
+
+impl From<&Dense> for Columns {
+    fn from(dense: &Dense) -> Self {
+        let data = (0..dense.ncols()).flat_map(|j| dense.col(j).iter().copied()).collect();
+        Self { n: dense.nrows() as u32, data }
+    }
+}
+
+impl From<Columns> for Dense {
+    fn from(columns: Columns) -> Self {
+        let n = columns.n as usize;
+        let k = columns.data.len().checked_div(n).unwrap_or(0);
+        Self::from_fn(n, k, |i, j| columns.data[j * n + i])
+    }
+}
+
+/// The predicted eigenfunctions on one mesh.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct PredictionArtifact {
+    vectors: Columns,
+}
+
+impl From<&Dense> for PredictionArtifact {
+    fn from(vectors: &Dense) -> Self {
+        Self { vectors: vectors.into() }
+    }
+}
+
+impl From<PredictionArtifact> for Dense {
+    fn from(artifact: PredictionArtifact) -> Self {
+        artifact.vectors.into()
+    }
+}
+
+/// The two reference solutions.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct ReferenceArtifact {
+    fem: (Vec<f64>, Columns),
+    mpgd: (Vec<f64>, Columns),
+    runs: Vec<RunParts>,
+}
+
+/// iterations, last change, whether by tolerance.
+type RunParts = (u64, f64, bool);
+
+impl From<&References> for ReferenceArtifact {
+    fn from(references: &References) -> Self {
+        let parts = |pairs: &Eigenpairs| (pairs.values.clone(), (&pairs.vectors).into());
+        Self {
+            fem: parts(&references.fem),
+            mpgd: parts(&references.mpgd),
+            runs: references.mpgd_runs.iter().map(run_parts).collect(),
+        }
+    }
+}
+
+impl From<ReferenceArtifact> for References {
+    fn from(artifact: ReferenceArtifact) -> Self {
+        let pairs =
+            |(values, vectors): (Vec<f64>, Columns)| Eigenpairs { values, vectors: vectors.into() };
+        Self {
+            fem: pairs(artifact.fem),
+            mpgd: pairs(artifact.mpgd),
+            mpgd_runs: artifact.runs.into_iter().map(run_of).collect(),
+        }
+    }
+}
+
+fn run_parts(run: &Run) -> RunParts {
+    (run.iterations as u64, run.change, run.stopped_by == StoppedBy::Tolerance)
+}
+
+fn run_of((iterations, change, by_tolerance): RunParts) -> Run {
+    let stopped_by = if by_tolerance { StoppedBy::Tolerance } else { StoppedBy::Count };
+    Run { iterations: iterations as usize, change, stopped_by }
+}
+
+/// The measurements of a set of eigenpairs.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct CertificateArtifact {
+    orthonormality: f64,
+    /// cluster, then λ, residual, ρ, λ FEM, λ M-PGD, angle FEM, angle M-PGD.
+    pairs: Vec<(u32, [f64; 7])>,
+    sigma: f64,
+    count: Option<u32>,
+    found: u32,
+    complete: bool,
+    cut_cluster: bool,
+    runs: Vec<RunParts>,
+}
+
+impl From<&Certificate> for CertificateArtifact {
+    fn from(certificate: &Certificate) -> Self {
+        let pair = |p: &PairCertificate| {
+            let numbers = [
+                p.lambda,
+                p.residual,
+                p.rho,
+                p.lambda_fem,
+                p.lambda_mpgd,
+                p.angle_fem,
+                p.angle_mpgd,
+            ];
+            (p.cluster as u32, numbers)
+        };
+        let Completeness { sigma, count, found, complete, cut_cluster } = certificate.completeness;
+        Self {
+            orthonormality: certificate.orthonormality,
+            pairs: certificate.pairs.iter().map(pair).collect(),
+            sigma,
+            count: count.map(|c| c as u32),
+            found: found as u32,
+            complete,
+            cut_cluster,
+            runs: certificate.mpgd_runs.iter().map(run_parts).collect(),
+        }
+    }
+}
+
+impl From<CertificateArtifact> for Certificate {
+    fn from(artifact: CertificateArtifact) -> Self {
+        let pair = |(cluster, numbers): (u32, [f64; 7])| {
+            let [lambda, residual, rho, lambda_fem, lambda_mpgd, angle_fem, angle_mpgd] = numbers;
+            PairCertificate {
+                lambda,
+                cluster: cluster as usize,
+                residual,
+                rho,
+                lambda_fem,
+                lambda_mpgd,
+                angle_fem,
+                angle_mpgd,
+            }
+        };
+        Self {
+            orthonormality: artifact.orthonormality,
+            pairs: artifact.pairs.into_iter().map(pair).collect(),
+            completeness: Completeness {
+                sigma: artifact.sigma,
+                count: artifact.count.map(|c| c as usize),
+                found: artifact.found as usize,
+                complete: artifact.complete,
+                cut_cluster: artifact.cut_cluster,
+            },
+            mpgd_runs: artifact.runs.into_iter().map(run_of).collect(),
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! What all stages of a run share, and how a stage's result is recalled from the store or computed.
+
+use std::collections::HashMap;
+use std::marker::PhantomData;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio_util::sync::CancellationToken;
+
+use super::Failure;
+use crate::flow::events::{Event, EventSink, How};
+use crate::pipeline::Pipeline;
+use crate::store::{self, Artifact, CacheKey, Digest, KeyBuilder, Store};
+
+/// What every stage of a run can see.
+pub struct Context {
+    /// What to compute.
+    pub pipeline: Pipeline,
+    /// Where results go.
+    pub out: PathBuf,
+    /// The cache; without one everything is computed.
+    pub store: Option<Store>,
+    /// Who hears what was computed and what reused.
+    pub events: Arc<dyn EventSink>,
+    /// Set when the run is to stop.
+    pub cancel: CancellationToken,
+    /// One lock for every key that is being computed.
+    pub flights: Flights,
+}
+
+/// Keeps two workers from computing the same key at the same time: the second waits, and finds it in the store.
+#[derive(Debug, Default)]
+pub struct Flights {
+    locks: Mutex<HashMap<CacheKey, Arc<Mutex<()>>>>,
+}
+
+impl Flights {
+    /// Does `work` while nobody else in this run works on `key`.
+    fn alone<T>(&self, key: CacheKey, work: impl FnOnce() -> T) -> T {
+        let locks = || self.locks.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = locks().entry(key).or_default().clone();
+        let result = {
+            let _guard = lock.lock().unwrap_or_else(PoisonError::into_inner);
+            work()
+        };
+        // Ours and the map's: nobody waits for it.
+        let mut locks = locks();
+        if Arc::strong_count(&lock) == 2 {
+            locks.remove(&key);
+        }
+        result
+    }
+}
+
+/// A stage's result, wherever it came from.
+#[derive(Debug, Clone)]
+pub struct Recalled<A> {
+    /// The result.
+    pub artifact: A,
+    /// Of its encoding.
+    pub digest: Digest,
+    /// Where it came from.
+    pub how: How,
+    /// How long that took in this run.
+    pub spent: Duration,
+}
+
+/// A piece of work: everything its result depends on, as a cache key and for the record.
+pub struct Work<A> {
+    key: KeyBuilder,
+    inputs: Vec<(String, Digest)>,
+    part: Option<usize>,
+    artifact: PhantomData<A>,
+}
+
+impl<A: Artifact> Work<A> {
+    /// Work of the stage that makes `A`.
+    pub fn new() -> Self {
+        Self { key: A::key(), inputs: Vec::new(), part: None, artifact: PhantomData }
+    }
+
+    /// Work number `part` of the stage.
+    pub fn part(mut self, part: usize) -> Self {
+        self.key = self.key.param("part", part.to_string());
+        self.part = Some(part);
+        self
+    }
+
+    /// It depends on a parameter.
+    pub fn param(mut self, name: &str, value: impl AsRef<[u8]>) -> Self {
+        self.key = self.key.param(name, value);
+        self
+    }
+
+    /// It depends on some content.
+    pub fn input(mut self, role: impl Into<String>, content: &Digest) -> Self {
+        let role = role.into();
+        self.key = self.key.input(&role, content);
+        self.inputs.push((role, *content));
+        self
+    }
+
+    /// It depends on a seed and on the precision it is done in; this completes the key.
+    pub fn seeded(self, seed: u64, precision: &str) -> Keyed<A> {
+        Keyed {
+            key: self.key.finish(seed, precision),
+            inputs: self.inputs,
+            part: self.part,
+            artifact: PhantomData,
+        }
+    }
+}
+
+/// Work with its key.
+pub struct Keyed<A> {
+    key: CacheKey,
+    inputs: Vec<(String, Digest)>,
+    part: Option<usize>,
+    artifact: PhantomData<A>,
+}
+
+impl Context {
+    /// The result of `work` for item `item`: from the store, or from `compute`, whose result is then stored.
+    ///
+    /// A store that cannot be written costs a warning and nothing else.
+    ///
+    /// # Errors
+    /// Those of `compute`; [`Failure::Interrupted`] when the run is to stop and the result is not there.
+    pub fn recall<A: Artifact>(
+        &self,
+        item: usize,
+        work: Keyed<A>,
+        compute: impl FnOnce() -> Result<A, Failure>,
+    ) -> Result<Recalled<A>, Failure> {
+        let recalled = self.flights.alone(work.key, || self.find_or(&work.key, compute))?;
+        let hex = |(role, digest): (String, Digest)| (role, digest.to_string());
+        self.events.record(&Event {
+            item,
+            stage: A::STAGE.to_string(),
+            part: work.part,
+            key: work.key.to_string(),
+            inputs: work.inputs.into_iter().map(hex).collect(),
+            output: recalled.digest.to_string(),
+            how: recalled.how,
+        });
+        Ok(recalled)
+    }
+
+    fn find_or<A: Artifact>(
+        &self,
+        key: &CacheKey,
+        compute: impl FnOnce() -> Result<A, Failure>,
+    ) -> Result<Recalled<A>, Failure> {
+        let started = Instant::now();
+        if let Some(cached) = self.store.as_ref().and_then(|store| store.get::<A>(key)) {
+            return Ok(Recalled {
+                artifact: cached.artifact,
+                digest: cached.digest,
+                how: How::Reused,
+                spent: started.elapsed(),
+            });
+        }
+        self.stop_if_cancelled()?;
+        let artifact = compute()?;
+        let digest = self.keep(key, &artifact, started.elapsed())?;
+        Ok(Recalled { artifact, digest, how: How::Computed, spent: started.elapsed() })
+    }
+
+    /// Ends the work on a mesh when the run is to stop.
+    ///
+    /// # Errors
+    /// [`Failure::Interrupted`].
+    pub fn stop_if_cancelled(&self) -> Result<(), Failure> {
+        if self.cancel.is_cancelled() { Err(Failure::Interrupted) } else { Ok(()) }
+    }
+
+    fn keep<A: Artifact>(
+        &self,
+        key: &CacheKey,
+        artifact: &A,
+        cost: Duration,
+    ) -> Result<Digest, Failure> {
+        match self.store.as_ref().map(|store| store.put(key, artifact, cost)) {
+            Some(Ok(digest)) => Ok(digest),
+            Some(Err(error)) => {
+                tracing::warn!(
+                    stage = A::STAGE,
+                    "the result is not cached and will be computed again next time: {error}"
+                );
+                Ok(store::digest(artifact)?)
+            }
+            None => Ok(store::digest(artifact)?),
+        }
+    }
+}

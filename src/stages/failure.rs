@@ -1,0 +1,48 @@
+//! Why a mesh could not be processed: one line in the report, and the others go on.
+
+use crate::flow::Panicked;
+use crate::ggnn::train::TrainError;
+use crate::mesh::MeshError;
+use crate::publish::PublishError;
+use crate::remesh::FamilyError;
+use crate::spectrum::SpectrumError;
+use crate::store::StoreError;
+
+/// What ended the work on one mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// The file is no mesh, or not one that we can use.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// More eigenpairs than the mesh, or a member of its family, can have.
+    #[error("the mesh has {n} vertices, too few for train.k = {k} eigenpairs; lower train.k")]
+    TooSmall { n: usize, k: usize },
+    /// No family could be made of it.
+    #[error(transparent)]
+    Family(#[from] FamilyError),
+    /// A factorisation or a solver failed.
+    #[error(transparent)]
+    Spectrum(#[from] SpectrumError),
+    /// Training failed.
+    #[error("training φ{k}: {source}")]
+    Train { k: usize, source: TrainError },
+    /// The results could not be written.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+    /// The run was interrupted; what was finished is kept.
+    #[error("interrupted; run again to go on from what is finished")]
+    Interrupted,
+    /// A result that cannot be encoded.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A defect of this program.
+    #[error(transparent)]
+    Internal(#[from] Panicked),
+}
+
+impl Failure {
+    /// Whether this program is to blame, not its input.
+    pub fn is_internal(&self) -> bool {
+        matches!(self, Self::Internal(_) | Self::Store(_))
+    }
+}

@@ -1,0 +1,59 @@
+//! From a file to the canonical mesh.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::Failure;
+use super::context::Context;
+use super::intake::Job;
+use crate::flow::events::How;
+use crate::mesh::{self, Ingested, MeshHash};
+use crate::publish::report::StageRecord;
+use crate::store::Digest;
+
+/// A mesh with the job that it came from.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// Where it came from.
+    pub job: Job,
+    /// The mesh, its repairs and its topology.
+    pub ingested: Arc<Ingested>,
+    /// Its content hash.
+    pub hash: MeshHash,
+    /// The stages so far, in their order.
+    pub stages: Vec<StageRecord>,
+}
+
+impl Loaded {
+    /// The content hash as the input of a key.
+    pub fn digest(&self) -> Digest {
+        Digest::from_bytes(*self.hash.as_bytes())
+    }
+
+    /// Takes note of the time that a stage took.
+    pub fn spent(&mut self, stage: impl Into<String>, how: How, time: Duration) {
+        let (stage, seconds) = (stage.into(), time.as_secs_f64());
+        self.stages.push(StageRecord { stage, cached: how == How::Reused, seconds });
+    }
+}
+
+/// Reads and repairs the mesh of `job`.
+///
+/// # Errors
+/// Why the file is no mesh; or that it has too few vertices for K pairs.
+pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
+    context.stop_if_cancelled()?;
+    let started = Instant::now();
+    let ingested = mesh::load(&job.source)?;
+    let (n, k) = (ingested.mesh.n(), context.pipeline.train.k);
+    if n < k {
+        return Err(Failure::TooSmall { n, k });
+    }
+    if !ingested.repairs.is_empty() {
+        tracing::info!(mesh = job.name, "{}", ingested.repairs);
+    }
+    let hash = ingested.mesh.hash();
+    let mut loaded = Loaded { job, ingested: Arc::new(ingested), hash, stages: Vec::new() };
+    loaded.spent("ingest", How::Computed, started.elapsed());
+    Ok(loaded)
+}

@@ -1,0 +1,107 @@
+//! From certified eigenpairs to files: `eigen.npz`, `eigen.ply`, `run.json`, and last `spectrum.json`.
+
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::Failure;
+use super::context::Context;
+use super::train::TrainedBlock;
+use super::verify::Verified;
+use crate::flow::events::How;
+use crate::operators::mass::row_sums;
+use crate::pipeline::Pipeline;
+use crate::publish::atomic::write_if_changed;
+use crate::publish::npz::EigenArrays;
+use crate::publish::ply::to_ply;
+use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
+use crate::publish::result::{Eigenpair, MeshSummary, Provenance, Source, Spectrum, Verdict};
+use crate::spectrum::Eigenpairs;
+
+/// Writes the results of one mesh to its folder and reports them.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Failure> {
+    let started = Instant::now();
+    let spectrum = spectrum(&context.pipeline, &verified);
+    let Verified { trained, vectors, certificate, judgement } = verified;
+    let (blocks, assembled) = (trained.blocks, trained.assembled);
+    let mut loaded = assembled.loaded;
+    let mesh = &loaded.ingested.mesh;
+    let folder = context.out.join(&loaded.job.name);
+    let pairs =
+        Eigenpairs { values: certificate.pairs.iter().map(|pair| pair.lambda).collect(), vectors };
+    let arrays = EigenArrays {
+        mesh,
+        pairs: &pairs,
+        mass: &row_sums(&assembled.operators.mass),
+        mass_kind: assembled.operators.mass_kind,
+        vertex_map: &loaded.ingested.vertex_map,
+    };
+    write_if_changed(&folder.join("eigen.npz"), &arrays.to_npz())?;
+    if context.pipeline.publish.ply {
+        write_if_changed(&folder.join("eigen.ply"), &to_ply(mesh, &pairs))?;
+    }
+    loaded.spent("publish", How::Computed, started.elapsed());
+    let record = record(loaded.stages, &blocks);
+    write_if_changed(&folder.join("run.json"), &record.to_json())?;
+    // Whoever waits for results waits for this file: all others are there when it is.
+    write_if_changed(&folder.join("spectrum.json"), &spectrum.to_json())?;
+    let folder = folder.display().to_string();
+    let reason = (!judgement.is_verified()).then(|| judgement.reason());
+    Ok(MeshReport::finished(loaded.job.name, folder, &spectrum, reason, &record))
+}
+
+fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
+    let assembled = &verified.trained.assembled;
+    let certificate = &verified.certificate;
+    let area = assembled.loaded.ingested.mesh.area();
+    let known = certificate.pairs.len() - certificate.mpgd_runs.len();
+    let verdict = |fine: bool| if fine { Verdict::Verified } else { Verdict::Unverified };
+    let judged = certificate.pairs.iter().zip(&verified.judgement.pairs);
+    let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {
+        let source = if j < known { Source::Constant } else { Source::Trained };
+        let run = j.checked_sub(known).map(|run| certificate.mpgd_runs[run]);
+        Eigenpair::new(j + 1, source, verdict(short.is_empty()), pair, area, run)
+    });
+    Spectrum {
+        schema: Default::default(),
+        status: verdict(verified.judgement.is_verified()),
+        mesh: MeshSummary::from(&*assembled.loaded.ingested),
+        eigenpairs: eigenpairs.collect(),
+        orthonormality: certificate.orthonormality,
+        completeness: certificate.completeness.into(),
+        repairs: (&assembled.loaded.ingested.repairs).into(),
+        provenance: Provenance::new(parameters(pipeline)),
+    }
+}
+
+/// All options that can change a number: not where meshes come from nor which files are written.
+fn parameters(pipeline: &Pipeline) -> serde_json::Value {
+    let Pipeline { input: _, family, operators, features, train, verify, publish: _ } = pipeline;
+    json!({
+        "family": family,
+        "operators": operators,
+        "features": features,
+        "train": train,
+        "verify": verify,
+    })
+}
+
+fn record(stages: Vec<StageRecord>, blocks: &[TrainedBlock]) -> RunRecord {
+    let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
+    let pair = |block: &TrainedBlock| PairRecord {
+        k: block.k,
+        cached: block.how == How::Reused,
+        seconds: block.seconds,
+    };
+    RunRecord {
+        schema: RunRecordSchema::V1,
+        seconds: stages.iter().map(|stage| stage.seconds).sum(),
+        pairs: blocks.iter().map(pair).collect(),
+        trained: blocks.len() - reused,
+        reused,
+        stages,
+    }
+}

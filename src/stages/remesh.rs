@@ -1,0 +1,48 @@
+//! From a mesh to the family that its blocks are trained on.
+
+use std::sync::Arc;
+
+use super::Failure;
+use super::artifacts::FamilyArtifact;
+use super::context::{Context, Work};
+use super::ingest::Loaded;
+use crate::flow::Panicked;
+use crate::remesh::{Family, FamilyRecipe};
+use crate::store::Digest;
+
+/// A mesh with its family.
+#[derive(Debug, Clone)]
+pub struct Familied {
+    /// The mesh.
+    pub loaded: Loaded,
+    /// Its variants.
+    pub family: Arc<Family>,
+    /// Of the family.
+    pub family_digest: Digest,
+}
+
+/// Makes or recalls the family of a mesh.
+///
+/// # Errors
+/// When no variants of the wanted size keep the topology.
+pub fn remesh(context: &Context, item: usize, mut loaded: Loaded) -> Result<Familied, Failure> {
+    let recipe @ FamilyRecipe { members, vertices, jitter, seed } = context.pipeline.family;
+    let work = Work::<FamilyArtifact>::new()
+        .param("members", members.to_string())
+        .param("vertices", vertices.to_string())
+        .param("jitter", jitter.to_string())
+        .input("mesh", &loaded.digest())
+        .seeded(seed, "f32");
+    let recalled = context.recall(item, work, || {
+        Ok(FamilyArtifact::from(&Family::of(&loaded.ingested.mesh, &recipe)?))
+    })?;
+    loaded.spent("remesh", recalled.how, recalled.spent);
+    let family = Family::try_from(recalled.artifact).map_err(|invalid| Panicked {
+        message: format!("a cached family holds an invalid mesh ({invalid})"),
+    })?;
+    let (k, smallest) = (context.pipeline.train.k, family.members.iter().map(|m| m.n()).min());
+    match smallest {
+        Some(n) if n < k => Err(Failure::TooSmall { n, k }),
+        _ => Ok(Familied { loaded, family: Arc::new(family), family_digest: recalled.digest }),
+    }
+}

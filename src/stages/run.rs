@@ -1,0 +1,151 @@
+//! The whole chain over a list of meshes.
+
+use std::io;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use tokio::sync::{Semaphore, mpsc};
+use tokio_util::sync::CancellationToken;
+
+use super::context::Context;
+use super::intake::Job;
+use super::train::InTraining;
+use super::{Failure, assemble, ingest, publish, remesh, train, verify};
+use crate::flow::{EventSink, Outcome, Parcel, Stage, Workers};
+use crate::pipeline::Pipeline;
+use crate::publish::report::{MeshReport, RunReport};
+use crate::store::Store;
+
+/// A run to be done.
+pub struct Run {
+    /// What to compute.
+    pub pipeline: Pipeline,
+    /// For which meshes.
+    pub jobs: Vec<Job>,
+    /// Where results go: one folder a mesh.
+    pub out: PathBuf,
+    /// The cache; without one everything is computed.
+    pub store: Option<Store>,
+    /// Worker threads, and meshes under way at once.
+    pub workers: NonZeroUsize,
+    /// What a failed mesh means for the others.
+    pub on_failure: OnFailure,
+    /// Cancelled to stop the run: finished work is kept, the rest is reported as interrupted.
+    pub cancel: CancellationToken,
+    /// Who hears what was computed and what reused.
+    pub events: Arc<dyn EventSink>,
+}
+
+/// What a failed mesh means for the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnFailure {
+    /// Nothing.
+    GoOn,
+    /// They are stopped.
+    Stop,
+}
+
+/// What became of a run.
+#[derive(Debug, Clone)]
+pub struct Ended {
+    /// What became of every mesh, in the order of the jobs.
+    pub report: RunReport,
+    /// Some failure was a defect of this program.
+    pub defect: bool,
+}
+
+/// Processes every mesh and reports what became of each.
+///
+/// # Errors
+/// When the system refuses the worker threads. All else is one mesh's failure.
+pub async fn run(run: Run) -> io::Result<Ended> {
+    let started = Instant::now();
+    let workers = Arc::new(Workers::start(run.workers)?);
+    let admission = Arc::new(Semaphore::new(run.workers.get()));
+    // A failure under `OnFailure::Stop` stops this run, not whoever else holds the caller's token.
+    let cancel = run.cancel.child_token();
+    let context = Arc::new(Context {
+        pipeline: run.pipeline,
+        out: run.out,
+        store: run.store,
+        events: run.events,
+        cancel: cancel.clone(),
+        flights: Default::default(),
+    });
+    let (intake, first, mut outcomes) = Stage::begin(workers);
+    let tasks = chain(&context, first);
+    let feeder = tokio::spawn(feed(run.jobs.clone(), intake, admission, cancel.clone()));
+    let mut reports: Vec<Option<MeshReport>> = run.jobs.iter().map(|_| None).collect();
+    let mut defect = false;
+    while let Some(Outcome { item, result }) = outcomes.recv().await {
+        let report = result.unwrap_or_else(|failure| {
+            if run.on_failure == OnFailure::Stop {
+                cancel.cancel();
+            }
+            defect |= failure.is_internal();
+            failed(&run.jobs[item], &failure)
+        });
+        reports[item] = Some(report);
+    }
+    tasks.join_all().await;
+    // The feeder has ended: the outcomes end after it.
+    drop(feeder.await);
+    let never_started = |job: &Job| failed(job, &Failure::Interrupted);
+    let meshes = reports
+        .into_iter()
+        .zip(&run.jobs)
+        .map(|(report, job)| report.unwrap_or_else(|| never_started(job)));
+    let report = RunReport::new(meshes.collect(), started.elapsed().as_secs_f64());
+    Ok(Ended { report, defect })
+}
+
+/// ingest ─► remesh ─► assemble ─► train φ₂ ─► … ─► train φ_K ─► verify ─► publish
+fn chain(
+    context: &Arc<Context>,
+    first: Stage<Job, MeshReport, Failure>,
+) -> tokio::task::JoinSet<()> {
+    let c = || context.clone();
+    let (ingesting, remeshing, assembling) = (c(), c(), c());
+    let mut training = first
+        .then(move |_, job| ingest::ingest(&ingesting, job))
+        .then(move |item, loaded| remesh::remesh(&remeshing, item, loaded))
+        .then(move |item, familied| {
+            assemble::assemble(&assembling, item, familied).map(InTraining::new)
+        });
+    for k in 2..=context.pipeline.train.k {
+        let trainer = c();
+        training = training.then(move |item, state| train::train(&trainer, item, k, state));
+    }
+    let (verifying, publishing) = (c(), c());
+    training
+        .then(move |item, trained| verify::verify(&verifying, item, trained))
+        .then(move |_, verified| publish::publish(&publishing, verified))
+        .end()
+}
+
+/// Lets jobs in as earlier ones finish, until the run is stopped.
+async fn feed(
+    jobs: Vec<Job>,
+    intake: mpsc::Sender<Parcel<Job>>,
+    admission: Arc<Semaphore>,
+    cancel: CancellationToken,
+) {
+    for (item, load) in jobs.into_iter().enumerate() {
+        let admitted = tokio::select! {
+            biased;
+            () = cancel.cancelled() => return,
+            admitted = admission.clone().acquire_owned() => admitted,
+        };
+        let Ok(admission) = admitted else { return };
+        if intake.send(Parcel { item, load, admission }).await.is_err() {
+            return;
+        }
+    }
+}
+
+fn failed(job: &Job, failure: &Failure) -> MeshReport {
+    tracing::debug!(mesh = job.name, %failure, "failed");
+    MeshReport::failed(job.name.clone(), None, failure.to_string(), 0.0)
+}

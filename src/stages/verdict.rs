@@ -1,0 +1,178 @@
+//! A certificate against a pipeline's tolerances: which pairs are verified, and why others are not.
+
+use crate::pipeline::Verify;
+use crate::spectrum::Certificate;
+use crate::spectrum::certificate::PairCertificate;
+use crate::spectrum::mpgd::StoppedBy;
+
+/// What follows from a certificate.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Judgement {
+    /// For every pair what it falls short of; empty for a verified pair.
+    pub pairs: Vec<Vec<Shortfall>>,
+    /// What the set as a whole falls short of.
+    pub set: Vec<Shortfall>,
+}
+
+/// A tolerance that was not met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Shortfall {
+    /// |λ − λ_FEM| is too large.
+    #[error("λ differs from the reference")]
+    LambdaFem,
+    /// |λ − λ_MPGD| is too large, where M-PGD has converged.
+    #[error("λ differs from M-PGD")]
+    LambdaMpgd,
+    /// The angle to the reference cluster is too large.
+    #[error("angle to the reference")]
+    AngleFem,
+    /// The angle to M-PGD's cluster is too large, where M-PGD has converged.
+    #[error("angle to M-PGD")]
+    AngleMpgd,
+    /// ΦᵀBΦ is too far from I.
+    #[error("the eigenfunctions are not orthonormal")]
+    Orthonormality,
+    /// The count by inertia does not match, or could not be trusted.
+    #[error("an eigenvalue is missing or repeated")]
+    Completeness,
+}
+
+impl Judgement {
+    /// Whether nothing falls short.
+    pub fn is_verified(&self) -> bool {
+        self.set.is_empty() && self.pairs.iter().all(Vec::is_empty)
+    }
+
+    /// What falls short, in words; empty when nothing does.
+    pub fn reason(&self) -> String {
+        let pairs = self.pairs.iter().enumerate().filter(|(_, short)| !short.is_empty());
+        let mut reasons: Vec<String> =
+            pairs.map(|(j, short)| format!("pair {}: {}", j + 1, join(short))).collect();
+        if !self.set.is_empty() {
+            reasons.push(join(&self.set));
+        }
+        reasons.join("; ")
+    }
+}
+
+fn join(shortfalls: &[Shortfall]) -> String {
+    shortfalls.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+}
+
+/// Judges every pair and the set. A measurement that is not a number falls short.
+pub fn judge(certificate: &Certificate, tolerances: &Verify) -> Judgement {
+    let known = certificate.pairs.len() - certificate.mpgd_runs.len();
+    // For λ = 0, relative means relative to the first eigenvalue that is not; where K ends before it, to the
+    // shift in the gap below it.
+    let first = match certificate.pairs.get(known) {
+        Some(pair) => pair.lambda_fem.abs(),
+        None => certificate.completeness.sigma,
+    };
+    let pairs = certificate.pairs.iter().enumerate().map(|(j, pair)| {
+        let converged = match j.checked_sub(known) {
+            Some(run) => certificate.mpgd_runs[run].stopped_by == StoppedBy::Tolerance,
+            None => true,
+        };
+        judge_pair(pair, tolerances, first, converged)
+    });
+    let mut set = Vec::new();
+    if exceeds(certificate.orthonormality, tolerances.orthonormality_tolerance) {
+        set.push(Shortfall::Orthonormality);
+    }
+    if !certificate.completeness.complete {
+        set.push(Shortfall::Completeness);
+    }
+    Judgement { pairs: pairs.collect(), set }
+}
+
+fn judge_pair(
+    pair: &PairCertificate,
+    tolerances: &Verify,
+    first: f64,
+    mpgd_converged: bool,
+) -> Vec<Shortfall> {
+    let relative = |reference: f64| {
+        let scale = if reference.abs() > 1e-6 * first { reference.abs() } else { first };
+        (pair.lambda - reference).abs() / scale
+    };
+    let checks = [
+        (relative(pair.lambda_fem), tolerances.lambda_tolerance, true, Shortfall::LambdaFem),
+        (
+            relative(pair.lambda_mpgd),
+            tolerances.lambda_tolerance,
+            mpgd_converged,
+            Shortfall::LambdaMpgd,
+        ),
+        (pair.angle_fem, tolerances.angle_tolerance, true, Shortfall::AngleFem),
+        (pair.angle_mpgd, tolerances.angle_tolerance, mpgd_converged, Shortfall::AngleMpgd),
+    ];
+    checks
+        .into_iter()
+        .filter(|&(value, tolerance, applies, _)| applies && exceeds(value, tolerance))
+        .map(|(_, _, _, shortfall)| shortfall)
+        .collect()
+}
+
+fn exceeds(value: f64, tolerance: f64) -> bool {
+    value.is_nan() || value > tolerance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectrum::certificate::Completeness;
+    use crate::spectrum::mpgd::Run;
+
+    fn certificate() -> Certificate {
+        let pair = |lambda: f64, reference: f64| PairCertificate {
+            lambda,
+            cluster: 0,
+            residual: 0.0,
+            rho: 0.0,
+            lambda_fem: reference,
+            lambda_mpgd: reference,
+            angle_fem: 0.01,
+            angle_mpgd: 0.01,
+        };
+        Certificate {
+            orthonormality: 1e-14,
+            pairs: vec![pair(1e-15, -1e-14), pair(2.01, 2.0)],
+            completeness: Completeness {
+                sigma: 3.0,
+                count: Some(2),
+                found: 2,
+                complete: true,
+                cut_cluster: false,
+            },
+            mpgd_runs: vec![Run { iterations: 9, change: 0.0, stopped_by: StoppedBy::Tolerance }],
+        }
+    }
+
+    #[test]
+    fn each_shortfall_is_named() {
+        let tolerances = Verify::default();
+        assert!(judge(&certificate(), &tolerances).is_verified());
+        let with = |change: fn(&mut Certificate)| {
+            let mut certificate = certificate();
+            change(&mut certificate);
+            judge(&certificate, &tolerances)
+        };
+        assert_eq!(
+            with(|c| c.pairs[1].lambda = 2.03).pairs[1],
+            [Shortfall::LambdaFem, Shortfall::LambdaMpgd]
+        );
+        assert_eq!(with(|c| c.pairs[1].angle_fem = 0.06).pairs[1], [Shortfall::AngleFem]);
+        assert_eq!(with(|c| c.pairs[1].angle_mpgd = f64::NAN).pairs[1], [Shortfall::AngleMpgd]);
+        assert_eq!(with(|c| c.orthonormality = 1e-3).set, [Shortfall::Orthonormality]);
+        let incomplete = with(|c| c.completeness.complete = false);
+        assert_eq!(incomplete.reason(), "an eigenvalue is missing or repeated");
+    }
+
+    #[test]
+    fn an_unconverged_second_opinion_does_not_count() {
+        let mut certificate = certificate();
+        certificate.pairs[1].lambda_mpgd = 9.0;
+        certificate.mpgd_runs[0].stopped_by = StoppedBy::Count;
+        assert!(judge(&certificate, &Verify::default()).is_verified());
+    }
+}
