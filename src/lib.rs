@@ -1,9 +1,22 @@
 //! chladni: verified Laplace–Beltrami eigenpairs of triangle meshes.
+//!
+//! Layers, each knowing only those to its left:
+//!
+//! ```text
+//! mesh ─► operators, remesh ─► spectrum ─► ggnn ─┐
+//! store, flow (know nothing of meshes) ──────────┼─► stages ─► cli
+//! publish (results as files and text) ───────────┘
+//! ```
+//! A program starts at [`stages::run`]; a single mesh and its spectrum at [`mesh::load`] and [`spectrum::fem`].
 
+pub mod cli;
+pub mod flow;
 pub mod ggnn;
 pub mod mesh;
 pub mod operators;
+pub mod pipeline;
 pub mod publish;
 pub mod remesh;
 pub mod spectrum;
+pub mod stages;
 pub mod store;

@@ -1,0 +1,110 @@
+//! The command line: one file a command.
+//!
+//! - [`exit`]: the exit codes, which are part of the contract
+//! - [`logging`]: what goes to stderr
+//! - `run`, `info`, `cache`: the commands
+
+mod cache;
+pub mod exit;
+mod info;
+mod logging;
+mod run;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand, ValueEnum};
+
+use exit::Exit;
+
+/// Verified Laplace–Beltrami eigenpairs for folders of triangle meshes, kept up to date.
+#[derive(Debug, Parser)]
+#[command(name = "chladni", version, about, after_help = exit::HELP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a pipeline: train, predict and verify the eigenpairs of its meshes
+    Run(run::Arguments),
+    /// Say what ingest sees of a mesh: counts, topology, defects, hash
+    Info(info::Arguments),
+    /// Look after the cache
+    #[command(subcommand)]
+    Cache(cache::Command),
+}
+
+/// How results are shown on stdout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// For people
+    Human,
+    /// One JSON document and nothing else
+    Json,
+}
+
+/// Where the cache is.
+#[derive(Debug, clap::Args)]
+struct CacheLocation {
+    /// The folder of the cache
+    #[arg(long = "cache", value_name = "DIR", env = "CHLADNI_CACHE", default_value = "cache")]
+    dir: PathBuf,
+}
+
+/// Parses the arguments, does what they say, and returns the exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    logging::start();
+    let exit = match cli.command {
+        Command::Run(arguments) => run::execute(arguments),
+        Command::Info(arguments) => info::execute(&arguments),
+        Command::Cache(command) => cache::execute(&command),
+    };
+    exit.unwrap_or_else(|refusal| {
+        eprintln!("error: {refusal}");
+        refusal.exit()
+    })
+    .into()
+}
+
+/// Why a command could not be carried out at all.
+#[derive(Debug, thiserror::Error)]
+enum Refusal {
+    /// The user can mend it.
+    #[error("{0}")]
+    Usage(String),
+    /// The system or this program is to blame.
+    #[error("{0}")]
+    Internal(String),
+}
+
+impl Refusal {
+    fn usage(reason: impl ToString) -> Self {
+        Self::Usage(reason.to_string())
+    }
+
+    fn internal(reason: impl ToString) -> Self {
+        Self::Internal(reason.to_string())
+    }
+
+    fn exit(&self) -> Exit {
+        match self {
+            Self::Usage(_) => Exit::Usage,
+            Self::Internal(_) => Exit::Internal,
+        }
+    }
+}
+
+/// Prints to stdout. A reader that has gone away (`| head`) is no error.
+fn print(text: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stdout().lock(), "{}", text.trim_end());
+}
+
+/// Prints a JSON document.
+fn print_json(document: &impl serde::Serialize) -> Result<(), Refusal> {
+    print(&serde_json::to_string_pretty(document).map_err(Refusal::internal)?);
+    Ok(())
+}

@@ -1,0 +1,147 @@
+//! `chladni run PIPELINE.toml`.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use tokio_util::sync::CancellationToken;
+
+use super::exit::Exit;
+use super::{CacheLocation, Format, Refusal, cache, print, print_json};
+use crate::flow::events::EventFile;
+use crate::pipeline::Pipeline;
+use crate::publish::report::{MeshReport, Status};
+use crate::publish::table::run_table;
+use crate::stages::intake;
+use crate::stages::run::{Ended, OnFailure, Run, run};
+use crate::store::Store;
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The pipeline file
+    pipeline: PathBuf,
+    /// Meshes or folders, in place of the pipeline's own
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    input: Vec<PathBuf>,
+    /// Where results go: one folder a mesh
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+    #[command(flatten)]
+    cache: CacheLocation,
+    /// Lay an option over the pipeline's, for example train.k=10
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Worker threads, and meshes under way at once [default: one a core]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+    /// Go on with the other meshes when one fails (the default)
+    #[arg(long, overrides_with = "fail_fast")]
+    keep_going: bool,
+    /// Stop when a mesh fails
+    #[arg(long, overrides_with = "keep_going")]
+    fail_fast: bool,
+    /// How the result is shown
+    #[arg(long, value_enum, default_value = "human")]
+    format: Format,
+}
+
+pub fn execute(arguments: Arguments) -> Result<Exit, Refusal> {
+    let pipeline = Pipeline::load(&arguments.pipeline, &arguments.set).map_err(Refusal::usage)?;
+    let inputs = if arguments.input.is_empty() { &pipeline.input.paths } else { &arguments.input };
+    let jobs = intake::jobs(inputs).map_err(Refusal::usage)?;
+    std::fs::create_dir_all(&arguments.out)
+        .and_then(|()| EventFile::append(&arguments.out.join("events.jsonl")))
+        .map_err(|error| {
+            Refusal::usage(format!(
+                "{}: results cannot be written there ({error}); choose another folder with --out",
+                arguments.out.display()
+            ))
+        })
+        .and_then(|events| start(&arguments, pipeline, jobs, events))
+}
+
+fn start(
+    arguments: &Arguments,
+    pipeline: Pipeline,
+    jobs: Vec<intake::Job>,
+    events: EventFile,
+) -> Result<Exit, Refusal> {
+    let store = Store::open(&arguments.cache.dir).map_err(cache::refusal)?;
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let cancel = CancellationToken::new();
+    let request = Run {
+        pipeline,
+        jobs,
+        out: arguments.out.clone(),
+        store: Some(store),
+        workers: arguments.jobs.unwrap_or_else(cores),
+        on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
+        cancel: cancel.clone(),
+        events: Arc::new(events),
+    };
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(Refusal::internal)?;
+    let (ended, interrupted) = runtime.block_on(async {
+        let signals = tokio::spawn(stop_on_signals(cancel));
+        let ended = run(request).await;
+        (ended, signals.is_finished())
+    });
+    // The tasks are done; what is left waits for signals that no longer matter.
+    runtime.shutdown_background();
+    let Ended { report, defect } = ended.map_err(Refusal::internal)?;
+    match arguments.format {
+        Format::Json => print_json(&report)?,
+        Format::Human => print(&run_table(&report)),
+    }
+    let exits = report.meshes.iter().map(exit_of);
+    Ok(Exit::gravest(
+        exits
+            .chain(defect.then_some(Exit::Internal))
+            .chain(interrupted.then_some(Exit::Interrupted)),
+    ))
+}
+
+fn exit_of(mesh: &MeshReport) -> Exit {
+    match mesh.status {
+        Status::Verified => Exit::Success,
+        Status::Unverified => Exit::Unverified,
+        Status::Failed => Exit::MeshFailed,
+    }
+}
+
+/// The first SIGINT or SIGTERM stops the run, keeping what is finished; the second ends the process. Finishes
+/// with the first.
+async fn stop_on_signals(cancel: CancellationToken) {
+    wait_for_signal().await;
+    eprintln!("stopping: what is finished is kept; once more to stop at once");
+    cancel.cancel();
+    tokio::spawn(async {
+        wait_for_signal().await;
+        std::process::exit(i32::from(Exit::Interrupted.code()));
+    });
+}
+
+#[cfg(unix)]
+async fn wait_for_signal() {
+    use tokio::signal::unix::{SignalKind, signal};
+    match (signal(SignalKind::interrupt()), signal(SignalKind::terminate())) {
+        (Ok(mut interrupt), Ok(mut terminate)) => {
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+            }
+        }
+        // Without handlers a signal ends the process, and the store survives that too.
+        _ => std::future::pending().await,
+    }
+}
+
+#[cfg(not(unix))]
+async fn wait_for_signal() {
+    if tokio::signal::ctrl_c().await.is_err() {
+        std::future::pending::<()>().await;
+    }
+}
