@@ -1,0 +1,191 @@
+//! The contract of the command line: exit codes, the JSON documents, messages that say what to do.
+
+mod common;
+
+use std::process::{Command, Output};
+
+use chladni::publish::report::Status;
+use common::{QUICK, Workspace, obj, text};
+
+fn chladni(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_chladni"))
+        .args(arguments)
+        .env_remove("RUST_LOG")
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn exit_0_and_a_table_when_all_is_well() {
+    let workspace = Workspace::new(QUICK);
+    let output = workspace.run(&[]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let table = String::from_utf8(output.stdout).unwrap();
+    for word in
+        ["sphere.obj", "λ M-PGD", "λ FEM", "angle", "ρ", "verified", "complete", "3 trained"]
+    {
+        assert!(table.contains(word), "{word} is not in\n{table}");
+    }
+    assert!(output.stderr.is_empty(), "no bars and no warnings: {table}");
+}
+
+#[test]
+fn exit_2_for_usage_and_configuration() {
+    let workspace = Workspace::new(QUICK);
+    let refused = |arguments: &[&str], message: &str| {
+        let output = workspace.run(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(output.stdout.is_empty());
+        assert!(text(&output).contains(message), "{message} is not in {}", text(&output));
+    };
+    refused(&["--set", "train.width_=3"], "did you mean `train.width`?");
+    refused(&["--set", "train.k=0"], "must be at least 1");
+    refused(&["--jobs", "0"], "--jobs");
+    refused(&["--no-such-flag"], "--no-such-flag");
+    let folder = workspace.path("empty");
+    std::fs::create_dir(&folder).unwrap();
+    refused(&["--input", folder.to_str().unwrap()], "no mesh was found");
+    assert_eq!(chladni(&["run", "nowhere.toml"]).status.code(), Some(2));
+    assert_eq!(chladni(&[]).status.code(), Some(2));
+}
+
+#[test]
+fn exit_2_when_another_run_holds_the_cache() {
+    let workspace = Workspace::new(QUICK);
+    let _held = chladni::store::Store::open(workspace.path("cache")).unwrap();
+    let output = workspace.run(&[]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        text(&output).contains(&format!("process {}", std::process::id())),
+        "{}",
+        text(&output)
+    );
+}
+
+#[test]
+fn exit_3_and_the_others_go_on_when_a_mesh_is_broken() {
+    let workspace = Workspace::new(QUICK);
+    let good = obj(&chladni::mesh::sample::icosphere(2));
+    workspace.write("meshes/a_nan.obj", &good.replacen("v ", "v nan ", 1));
+    workspace.write("meshes/b_empty.obj", "");
+    workspace.write("meshes/c_range.obj", &format!("{good}f 1 2 9999\n"));
+    workspace.write("meshes/d_tiny.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let (code, report) = workspace.report(&["--jobs", "2"]);
+    assert_eq!(code, 3);
+    let statuses: Vec<Status> = report.meshes.iter().map(|mesh| mesh.status).collect();
+    use Status::{Failed, Verified};
+    assert_eq!(statuses, [Failed, Failed, Failed, Failed, Verified]);
+    let reason = |i: usize| report.meshes[i].reason.clone().unwrap();
+    assert!(reason(0).contains("line 1"), "{}", reason(0));
+    assert!(reason(2).contains("line 483"), "{}", reason(2));
+    assert!(reason(3).contains("lower train.k"), "{}", reason(3));
+    assert!(workspace.path("out/sphere.obj/spectrum.json").exists());
+    assert!(!workspace.path("out/a_nan.obj").exists());
+}
+
+#[test]
+fn fail_fast_stops_at_the_first_failure() {
+    let workspace = Workspace::new(QUICK);
+    workspace.write("meshes/a_broken.obj", "v 0 0\n");
+    let (code, report) = workspace.report(&["--fail-fast", "--jobs", "1"]);
+    assert_eq!(code, 3);
+    assert!(report.meshes[1].reason.as_deref().unwrap().contains("interrupted"));
+}
+
+#[test]
+fn exit_4_when_a_pair_falls_short() {
+    let workspace = Workspace::new(QUICK);
+    let (code, report) = workspace.report(&["--set", "verify.angle_tolerance=1e-9"]);
+    assert_eq!(code, 4);
+    assert_eq!(report.meshes[0].status, Status::Unverified);
+    assert!(report.meshes[0].reason.as_deref().unwrap().contains("pair 2: angle"));
+    // Its results are there all the same, marked as what they are.
+    let spectrum = std::fs::read_to_string(workspace.path("out/sphere.obj/spectrum.json")).unwrap();
+    assert!(spectrum.contains("\"unverified\""));
+}
+
+#[test]
+fn the_json_document_is_the_contract() {
+    let workspace = Workspace::new(QUICK);
+    let output = workspace.run(&["--format", "json"]).output().unwrap();
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let mesh = &document["meshes"][0];
+    assert!(document["schema"].is_string() && document["seconds"].is_number());
+    for key in [
+        "path",
+        "hash",
+        "status",
+        "reason",
+        "out",
+        "eigenpairs",
+        "completeness",
+        "trained",
+        "reused",
+        "seconds",
+    ] {
+        assert!(mesh.get(key).is_some(), "{key}");
+    }
+    let pair = &mesh["eigenpairs"][1];
+    for key in [
+        "k",
+        "lambda",
+        "lambda_area",
+        "source",
+        "cluster",
+        "residual",
+        "rho",
+        "lambda_mpgd",
+        "lambda_fem",
+        "angle_mpgd",
+        "angle_fem",
+        "cached",
+    ] {
+        assert!(pair.get(key).is_some(), "{key}");
+    }
+    for key in ["sigma", "count", "found", "complete", "cut_cluster"] {
+        assert!(mesh["completeness"].get(key).is_some(), "{key}");
+    }
+    assert_eq!(mesh["eigenpairs"][0]["source"], "constant");
+    assert_eq!(pair["source"], "trained");
+    assert_eq!(pair["k"], 2);
+    assert_eq!(mesh["completeness"]["complete"], true);
+}
+
+#[test]
+fn info_describes_a_mesh_and_refuses_what_is_none() {
+    let workspace = Workspace::new(QUICK);
+    let sphere = workspace.path("meshes/sphere.obj");
+    let output = chladni(&["info", sphere.to_str().unwrap(), "--format", "json"]);
+    assert_eq!(output.status.code(), Some(0));
+    let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&info["vertices"], &info["euler"]), (&162.into(), &2.into()));
+    let (_, report) = workspace.report(&[]);
+    assert_eq!(info["hash"], report.meshes[0].hash.unwrap().to_string());
+    let human = chladni(&["info", sphere.to_str().unwrap()]);
+    assert!(text(&human).contains("1 component, closed, Euler characteristic 2"));
+    workspace.write("meshes/none.obj", "v 0 0 zero\n");
+    let refused = chladni(&["info", workspace.path("meshes/none.obj").to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(3));
+    assert!(text(&refused).contains("line 1"));
+}
+
+#[test]
+fn cache_stat_counts_what_a_run_left() {
+    let workspace = Workspace::new(QUICK);
+    workspace.report(&[]);
+    let cache = workspace.path("cache");
+    let output =
+        chladni(&["cache", "stat", "--cache", cache.to_str().unwrap(), "--format", "json"]);
+    let stat: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(stat["stages"]["train"]["entries"], 3);
+    assert_eq!(stat["stages"]["assemble"]["entries"], 3);
+    let human = chladni(&["cache", "stat", "--cache", cache.to_str().unwrap()]);
+    assert!(text(&human).contains("train"));
+    assert_eq!(chladni(&["cache", "stat", "--cache", "nowhere"]).status.code(), Some(2));
+}
+
+#[test]
+fn help_lists_the_exit_codes() {
+    let help = text(&chladni(&["--help"]));
+    assert!(help.contains("130  interrupted") && help.contains("4    some eigenpair"));
+}

@@ -1,0 +1,102 @@
+//! What the tests of the program share: a small mesh, a quick pipeline, and a way to run the real binary.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use chladni::flow::Event;
+use chladni::mesh::{TriMesh, sample::icosphere};
+use chladni::publish::report::RunReport;
+use tempfile::TempDir;
+
+/// A pipeline that trains in a fraction of a second, judged leniently: it is the machinery that is tested.
+pub const QUICK: &str = "
+[input]
+paths = [\"meshes\"]
+[family]
+members = 2
+vertices = 90
+[train]
+k = 4
+width = 24
+layers = 2
+steps = 4
+batch = 2
+[verify]
+lambda_tolerance = 0.2
+angle_tolerance = 0.5
+";
+
+/// A folder of its own with a pipeline, meshes, a cache and results.
+pub struct Workspace {
+    dir: TempDir,
+}
+
+impl Workspace {
+    /// With one unit sphere of 162 vertices, `meshes/sphere.obj`.
+    pub fn new(pipeline: &str) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("meshes")).unwrap();
+        let workspace = Self { dir };
+        workspace.write("pipeline.toml", pipeline);
+        workspace.write("meshes/sphere.obj", &obj(&icosphere(2)));
+        workspace
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    /// `chladni run` on this workspace, with further arguments.
+    pub fn run(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_chladni"));
+        command.arg("run").arg(self.path("pipeline.toml"));
+        command.arg("--out").arg(self.path("out")).arg("--cache").arg(self.path("cache"));
+        command.args(arguments).env_remove("RUST_LOG");
+        command
+    }
+
+    /// Runs to the end with `--format json`; the exit code and the document.
+    pub fn report(&self, arguments: &[&str]) -> (i32, RunReport) {
+        let output = self.run(arguments).args(["--format", "json"]).output().unwrap();
+        let report = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|error| panic!("{error}: {}", text(&output)));
+        (output.status.code().unwrap(), report)
+    }
+
+    /// The events of all runs so far.
+    pub fn events(&self) -> Vec<Event> {
+        events(&self.path("out/events.jsonl"))
+    }
+}
+
+/// The events in a log; a line that is still being written is left out.
+pub fn events(log: &Path) -> Vec<Event> {
+    let text = std::fs::read_to_string(log).unwrap_or_default();
+    text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+}
+
+/// A mesh as the text of an OBJ file that reads back to the same numbers.
+pub fn obj(mesh: &TriMesh) -> String {
+    let mut text = String::new();
+    for [x, y, z] in mesh.vertices() {
+        writeln!(text, "v {x:?} {y:?} {z:?}").unwrap();
+    }
+    for [a, b, c] in mesh.faces() {
+        writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
+    }
+    text
+}
+
+/// What a process printed.
+pub fn text(output: &Output) -> String {
+    format!(
+        "{}\n{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
+}

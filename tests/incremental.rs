@@ -1,0 +1,142 @@
+//! What a run computes and what it takes from the cache, judged by the event log.
+
+mod common;
+
+use std::collections::BTreeSet;
+
+use chladni::flow::events::{Event, How};
+use common::{QUICK, Workspace, obj};
+
+fn computed(events: &[Event]) -> Vec<(&str, Option<usize>)> {
+    let computed = events.iter().filter(|event| event.how == How::Computed);
+    computed.map(|event| (event.stage.as_str(), event.part)).collect()
+}
+
+/// The events of the run that `report` makes.
+fn during(workspace: &Workspace, arguments: &[&str]) -> (Vec<Event>, [usize; 2]) {
+    let before = workspace.events().len();
+    let (code, report) = workspace.report(arguments);
+    assert_eq!(code, 0, "{report:?}");
+    (workspace.events().split_off(before), [report.meshes[0].trained, report.meshes[0].reused])
+}
+
+#[test]
+fn a_second_run_computes_nothing_and_writes_the_same_bytes() {
+    let workspace = Workspace::new(QUICK);
+    let (first, counts) = during(&workspace, &[]);
+    assert_eq!(counts, [3, 0]);
+    let train: Vec<_> =
+        computed(&first).into_iter().filter(|(stage, _)| *stage == "train").collect();
+    assert_eq!(train, [("train", Some(2)), ("train", Some(3)), ("train", Some(4))]);
+    let read = |name: &str| std::fs::read(workspace.path("out/sphere.obj").join(name)).unwrap();
+    let before = ["spectrum.json", "eigen.npz", "eigen.ply"].map(read);
+    let (second, counts) = during(&workspace, &[]);
+    assert_eq!(counts, [0, 3]);
+    assert_eq!(computed(&second), []);
+    assert_eq!(second.len(), first.len());
+    assert!(["spectrum.json", "eigen.npz", "eigen.ply"].map(read) == before);
+}
+
+#[test]
+fn more_eigenpairs_train_only_the_new_ones_and_fewer_none() {
+    let workspace = Workspace::new(QUICK);
+    during(&workspace, &["--set", "train.k=3"]);
+    let (events, counts) = during(&workspace, &["--set", "train.k=5"]);
+    assert_eq!(counts, [2, 2]);
+    let train: Vec<_> =
+        computed(&events).into_iter().filter(|(stage, _)| *stage == "train").collect();
+    assert_eq!(train, [("train", Some(4)), ("train", Some(5))]);
+    let (events, counts) = during(&workspace, &["--set", "train.k=2"]);
+    assert_eq!(counts, [0, 1]);
+    assert!(computed(&events).iter().all(|(stage, _)| *stage != "train"));
+}
+
+#[test]
+fn a_changed_recipe_retrains_all_and_a_changed_tolerance_nothing() {
+    let workspace = Workspace::new(QUICK);
+    during(&workspace, &[]);
+    for change in ["train.learning_rate=1e-3", "train.seed=9", "family.seed=9"] {
+        let (_, counts) = during(&workspace, &["--set", change]);
+        assert_eq!(counts, [3, 0], "{change}");
+    }
+    let (events, counts) = during(&workspace, &["--set", "verify.lambda_tolerance=0.3"]);
+    assert_eq!(counts, [0, 3]);
+    assert_eq!(computed(&events), []);
+}
+
+#[test]
+fn another_file_with_the_same_numbers_shares_everything() {
+    let workspace = Workspace::new(QUICK);
+    during(&workspace, &[]);
+    let sphere = std::fs::read_to_string(workspace.path("meshes/sphere.obj")).unwrap();
+    std::fs::rename(workspace.path("meshes/sphere.obj"), workspace.path("meshes/ball.obj"))
+        .unwrap();
+    workspace.write("meshes/ball.obj", &format!("# a comment\nmtllib none.mtl\no ball\n{sphere}"));
+    let (events, counts) = during(&workspace, &[]);
+    assert_eq!(counts, [0, 3]);
+    assert_eq!(computed(&events), []);
+}
+
+#[test]
+fn two_files_with_the_same_mesh_are_computed_once() {
+    let workspace = Workspace::new(QUICK);
+    std::fs::copy(workspace.path("meshes/sphere.obj"), workspace.path("meshes/twin.obj")).unwrap();
+    let (code, report) = workspace.report(&["--jobs", "2"]);
+    assert_eq!(code, 0);
+    assert_eq!(report.meshes.iter().map(|mesh| mesh.trained).sum::<usize>(), 3);
+    let events = workspace.events();
+    let keys: BTreeSet<_> = events.iter().map(|event| &event.key).collect();
+    assert_eq!(computed(&events).len(), keys.len());
+}
+
+#[test]
+fn an_edit_to_one_mesh_touches_that_mesh_only() {
+    let workspace = Workspace::new(QUICK);
+    let mesh = chladni::mesh::sample::icosphere(2);
+    workspace.write(
+        "meshes/other.obj",
+        &obj(&mesh).replacen("v ", "v 1.01", 1).replace("1.01-", "-1.01"),
+    );
+    let (code, report) = workspace.report(&[]);
+    assert_eq!((code, report.meshes.len()), (0, 2));
+    let before = workspace.events().len();
+    workspace.write("meshes/other.obj", &obj(&mesh).replace("v 0.0 ", "v 0.001 "));
+    let (code, report) = workspace.report(&[]);
+    assert_eq!(code, 0);
+    let by_mesh: Vec<_> = report.meshes.iter().map(|m| (m.path.as_str(), m.trained)).collect();
+    assert_eq!(by_mesh, [("other.obj", 3), ("sphere.obj", 0)]);
+    let events = workspace.events().split_off(before);
+    assert!(events.iter().all(|event| event.item == 0 || event.how == How::Reused));
+}
+
+#[test]
+fn training_sees_the_family_and_earlier_blocks_and_nothing_of_a_reference() {
+    let workspace = Workspace::new(QUICK);
+    let (events, _) = during(&workspace, &[]);
+    let outputs = |stages: &[&str]| -> BTreeSet<String> {
+        let made = events.iter().filter(|event| stages.contains(&event.stage.as_str()));
+        made.map(|event| event.output.clone()).collect()
+    };
+    let references = outputs(&["reference", "certify", "predict"]);
+    assert_eq!(references.len(), 3);
+    let blocks = outputs(&["train"]);
+    let family = outputs(&["remesh"]);
+    for event in events.iter().filter(|event| event.stage == "train") {
+        for (role, digest) in &event.inputs {
+            assert!(!references.contains(digest), "{role}");
+            match role.as_str() {
+                "family" => assert!(family.contains(digest)),
+                // The digest over the operators of the members, which come from their meshes alone.
+                "operators" => {}
+                block => {
+                    assert!(block.starts_with("block "), "{block}");
+                    assert!(blocks.contains(digest));
+                }
+            }
+        }
+    }
+    // And the first reference is computed after the last block.
+    let stages: Vec<&str> = events.iter().map(|event| event.stage.as_str()).collect();
+    let last_block = stages.iter().rposition(|stage| *stage == "train");
+    assert!(last_block < stages.iter().position(|stage| *stage == "reference"));
+}

@@ -1,0 +1,95 @@
+//! Stopping a real process at any moment and going on from what is finished.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use chladni::flow::events::How;
+use common::{QUICK, Workspace};
+
+/// Long enough a training that a signal falls into its middle.
+fn slow() -> String {
+    QUICK.replace("k = 4", "k = 6").replace("steps = 4", "steps = 250")
+}
+
+/// Starts a run and waits until `blocks` of its blocks are trained.
+fn start_until(workspace: &Workspace, blocks: usize) -> Child {
+    let mut child = workspace.run(&[]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while trained(workspace) < blocks {
+        assert!(child.try_wait().unwrap().is_none(), "the run ended before it could be stopped");
+        assert!(Instant::now() < deadline, "no block was trained in two minutes");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child
+}
+
+fn trained(workspace: &Workspace) -> usize {
+    let events = workspace.events();
+    events.iter().filter(|e| e.stage == "train" && e.how == How::Computed).count()
+}
+
+fn results(workspace: &Workspace) -> [Vec<u8>; 2] {
+    ["spectrum.json", "eigen.npz"]
+        .map(|name| std::fs::read(workspace.path("out/sphere.obj").join(name)).unwrap())
+}
+
+fn nothing_was_computed_twice(workspace: &Workspace) {
+    let mut times = BTreeMap::new();
+    for event in workspace.events().iter().filter(|event| event.how == How::Computed) {
+        *times.entry(event.key.clone()).or_insert(0) += 1;
+    }
+    assert!(times.values().all(|&count| count == 1), "{times:?}");
+}
+
+#[test]
+fn a_killed_run_resumes_at_the_first_missing_eigenfunction() {
+    let undisturbed = Workspace::new(&slow());
+    let (code, report) = undisturbed.report(&[]);
+    assert_eq!((code, report.meshes[0].trained), (0, 5));
+
+    let workspace = Workspace::new(&slow());
+    let mut child = start_until(&workspace, 2);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let finished = trained(&workspace);
+    assert!((2..5).contains(&finished), "{finished} blocks were trained before the kill");
+    let (code, report) = workspace.report(&[]);
+    assert_eq!(code, 0);
+    // A block whose event was lost in the kill may still be in the store.
+    assert!(report.meshes[0].reused >= finished);
+    assert_eq!(report.meshes[0].reused + report.meshes[0].trained, 5);
+    nothing_was_computed_twice(&workspace);
+    assert!(results(&workspace) == results(&undisturbed));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_keeps_what_is_finished_and_says_so() {
+    let workspace = Workspace::new(&slow());
+    let mut child = start_until(&workspace, 1);
+    let status = std::process::Command::new("kill")
+        .args(["-TERM", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(status.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let finished = trained(&workspace);
+    assert!((1..5).contains(&finished), "{finished}");
+    assert!(!workspace.path("out/sphere.obj/spectrum.json").exists());
+    let (code, report) = workspace.report(&[]);
+    assert_eq!((code, report.meshes[0].reused), (0, finished));
+    nothing_was_computed_twice(&workspace);
+}
+
+#[test]
+fn the_bits_do_not_depend_on_the_number_of_workers() {
+    let [one, three] = ["1", "3"].map(|jobs| {
+        let workspace = Workspace::new(QUICK);
+        assert_eq!(workspace.report(&["--jobs", jobs]).0, 0);
+        results(&workspace)
+    });
+    assert!(one == three);
+}

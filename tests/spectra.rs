@@ -1,0 +1,127 @@
+//! Spectra through the public API, held against closed forms and values computed by others.
+
+mod common;
+
+use chladni::mesh::{TriMesh, load, sample::icosphere};
+use chladni::operators::{MassKind, Operators};
+use chladni::spectrum::certificate::{References, certify, reference_past_gap};
+use chladni::spectrum::factor::Analysis;
+use chladni::spectrum::mpgd::{self, Stopping};
+use chladni::spectrum::{Dense, Eigenpairs, Pencil, fem};
+
+fn lowest(mesh: &TriMesh, kind: MassKind, count: usize) -> Eigenpairs {
+    let operators = Operators::assemble(mesh, kind);
+    let pencil = Pencil::from(&operators);
+    fem::lowest(pencil, &Analysis::new(pencil).unwrap(), count).unwrap()
+}
+
+#[test]
+fn the_sphere_has_l_times_l_plus_one_with_multiplicity_2l_plus_1() {
+    let pairs = lowest(&icosphere(4), MassKind::Lumped, 25);
+    let mut k = 0;
+    for l in 0..5 {
+        for _ in 0..=2 * l {
+            let exact = f64::from(l * (l + 1));
+            // h² of 2,562 vertices is 0.005; the error of λ is below λ² h²/12.
+            assert!((pairs.values[k] - exact).abs() <= 5e-4 * exact * exact + 1e-10, "k = {k}");
+            k += 1;
+        }
+    }
+}
+
+/// The lowest eigenvalues of spot_829, by NumPy assembly and SciPy's ARPACK in shift-invert mode at 1e-13.
+const SPOT: &str = include_str!("data/spectra/spot_829.json");
+
+#[test]
+fn spot_has_the_eigenvalues_that_scipy_finds() {
+    let golden: serde_json::Value = serde_json::from_str(SPOT).unwrap();
+    let mesh = load("tests/data/meshes/spot_829.obj".as_ref()).unwrap().mesh;
+    let area = mesh.area().0;
+    for (kind, name) in
+        [(MassKind::Lumped, "neumann_lumped"), (MassKind::Consistent, "neumann_consistent")]
+    {
+        let expected: Vec<f64> = serde_json::from_value(golden[name].clone()).unwrap();
+        let found = lowest(&mesh, kind, expected.len());
+        assert!(found.values[0].abs() < 1e-9 / area);
+        for (found, expected) in found.values.iter().zip(&expected).skip(1) {
+            assert!((found / expected - 1.0).abs() < 1e-8, "{name}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn the_spectrum_does_not_depend_on_units() {
+    let mesh = icosphere(2);
+    let area = |mesh: &TriMesh| mesh.area().0;
+    let reference = lowest(&mesh, MassKind::Lumped, 12);
+    for scale in [1e-6, 1e6] {
+        let scaled = mesh.vertices().iter().map(|p| p.map(|c| scale * c)).collect();
+        let scaled = TriMesh::new(scaled, mesh.faces().to_vec()).unwrap();
+        let pairs = lowest(&scaled, MassKind::Lumped, 12);
+        for (a, b) in pairs.values.iter().zip(&reference.values).skip(1) {
+            let ratio = a * area(&scaled) / (b * area(&mesh));
+            assert!((ratio - 1.0).abs() < 1e-11, "{scale}: {ratio}");
+        }
+    }
+}
+
+/// A certificate of `vectors` on the unit sphere with 642 vertices, K = 9: degrees 0, 1 and 2.
+fn certificate(change: impl Fn(&Eigenpairs) -> Dense) -> chladni::spectrum::Certificate {
+    let operators = Operators::assemble(&icosphere(3), MassKind::Lumped);
+    let pencil = Pencil::from(&operators);
+    let analysis = Analysis::new(pencil).unwrap();
+    let fem = reference_past_gap(pencil, &analysis, 9).unwrap();
+    let stopping = Stopping { tolerance: 1e-6, max_iterations: 20_000 };
+    let (mpgd, mpgd_runs) = mpgd::lowest(pencil, &fem.truncated(1), 9, stopping, 3, &|| false);
+    let vectors = change(&fem);
+    certify(pencil, &analysis, &vectors, &References { fem, mpgd, mpgd_runs }).unwrap()
+}
+
+#[test]
+fn a_true_spectrum_is_certified() {
+    let certificate = certificate(|fem| fem.truncated(9).vectors);
+    assert!(certificate.orthonormality < 1e-11);
+    assert!(certificate.completeness.complete && !certificate.completeness.cut_cluster);
+    assert_eq!(certificate.completeness.count, Some(9));
+    for pair in &certificate.pairs {
+        assert!(pair.angle_fem < 1e-9 && pair.angle_mpgd < 1e-3, "{pair:?}");
+        assert!(pair.residual < 1e-9 && pair.rho < 1e-9, "{pair:?}");
+    }
+}
+
+#[test]
+fn a_repeated_or_foreign_pair_is_caught_by_the_count() {
+    let with = |from: usize| {
+        certificate(move |fem| {
+            let mut vectors = fem.truncated(9).vectors;
+            let foreign = fem.vectors.col(from).to_owned();
+            vectors.col_mut(5).copy_from(foreign);
+            vectors
+        })
+    };
+    assert!(!with(6).completeness.complete, "pair 7 stands twice, pair 6 is missing");
+    assert!(!with(9).completeness.complete, "a pair from beyond K stands for pair 6");
+}
+
+#[test]
+fn both_residual_bounds_contain_an_eigenvalue_whatever_the_perturbation() {
+    let all = lowest(&icosphere(3), MassKind::Lumped, 60).values;
+    for seed in 1..6 {
+        let amount = 10f64.powi(-seed);
+        let certificate = certificate(|fem| {
+            let mut vectors = Dense::from_fn(fem.vectors.nrows(), 9, |i, j| {
+                let noise = ((i * 31 + j * 17) as f64 * f64::from(seed)).sin();
+                fem.vectors[(i, j)] + amount * noise
+            });
+            let operators = Operators::assemble(&icosphere(3), MassKind::Lumped);
+            chladni::spectrum::certificate::normalise_columns(&operators.mass, &mut vectors);
+            vectors
+        });
+        for pair in &certificate.pairs[1..] {
+            let theta = pair.lambda;
+            assert!(all.iter().any(|l| (l - theta).abs() <= pair.residual * (1.0 + 1e-9)));
+            let energy = |l: &f64| (l - theta).abs() <= pair.rho * (l + theta) * (1.0 + 1e-9);
+            assert!(all.iter().any(energy), "{pair:?}");
+        }
+    }
+}
