@@ -1,7 +1,5 @@
 //! Spectra through the public API, held against closed forms and values computed by others.
 
-mod common;
-
 use chladni::mesh::{TriMesh, load, sample::icosphere};
 use chladni::operators::{MassKind, Operators};
 use chladni::spectrum::certificate::{References, certify, reference_past_gap};

@@ -142,7 +142,6 @@ impl Eigenpair {
         verdict: Verdict,
         measured: &PairCertificate,
         area: Area,
-        mpgd: Option<mpgd::Run>,
     ) -> Self {
         Self {
             k,
@@ -156,7 +155,7 @@ impl Eigenpair {
             lambda_fem: measured.lambda_fem,
             angle_mpgd: measured.angle_mpgd,
             angle_fem: measured.angle_fem,
-            mpgd: mpgd.map(MpgdRun::from),
+            mpgd: measured.mpgd.map(MpgdRun::from),
             verdict,
         }
     }

@@ -32,6 +32,8 @@ pub struct PairCertificate {
     pub angle_fem: f64,
     /// Largest principal angle to M-PGD's vectors of the cluster, radians.
     pub angle_mpgd: f64,
+    /// How M-PGD went; `None` for a pair that was given to it, and for one it did not get to.
+    pub mpgd: Option<mpgd::Run>,
 }
 
 /// Whether an eigenvalue was missed or repeated.
@@ -58,8 +60,6 @@ pub struct Certificate {
     pub pairs: Vec<PairCertificate>,
     /// The count by inertia.
     pub completeness: Completeness,
-    /// How M-PGD went for each pair that was not given to it.
-    pub mpgd_runs: Vec<mpgd::Run>,
 }
 
 /// The two independent solutions that a set of K pairs is held against.
@@ -67,9 +67,9 @@ pub struct Certificate {
 pub struct References {
     /// At least K pairs, and as many more as it takes to end the cluster of λ_K and begin the next.
     pub fem: Eigenpairs,
-    /// K pairs (fewer if it was cancelled).
+    /// At least K pairs, to the end of the cluster of λ_K.
     pub mpgd: Eigenpairs,
-    /// How M-PGD went.
+    /// How M-PGD went for each pair that was not given to it: the last ones of `mpgd`.
     pub mpgd_runs: Vec<mpgd::Run>,
 }
 
@@ -78,6 +78,18 @@ impl References {
     fn clusters(&self) -> Vec<Range<usize>> {
         clusters(&self.fem.values, CLUSTER_GAP)
     }
+
+    /// How M-PGD went for pair `j`.
+    fn mpgd_run(&self, j: usize) -> Option<mpgd::Run> {
+        let given = self.mpgd.len() - self.mpgd_runs.len();
+        self.mpgd_runs.get(j.checked_sub(given)?).copied()
+    }
+}
+
+/// Where the cluster of pair K ends, in a reference spectrum that reaches past it.
+pub fn cluster_end(values: &[f64], k: usize) -> usize {
+    let runs = clusters(values, CLUSTER_GAP);
+    runs.into_iter().find(|run| run.contains(&(k - 1))).map_or(k, |run| run.end)
 }
 
 /// Reference pairs up to the first gap above λ_K: `lowest` is asked for more until the gap is seen.
@@ -96,10 +108,7 @@ pub fn reference_past_gap(
     let mut count = (k + 2).min(n);
     loop {
         let pairs = super::fem::lowest(pencil, analysis, count)?;
-        let end = clusters(&pairs.values, CLUSTER_GAP)
-            .into_iter()
-            .find(|run| run.contains(&(k - 1)))
-            .map_or(count, |run| run.end);
+        let end = cluster_end(&pairs.values, k);
         if end < count || count == n {
             return Ok(pairs.truncated((end + 1).min(count)));
         }
@@ -141,6 +150,7 @@ pub fn certify(
                 lambda_mpgd: references.mpgd.values.get(j).copied().unwrap_or(f64::NAN),
                 angle_fem: angles_fem.get(cluster).copied().unwrap_or(f64::NAN),
                 angle_mpgd: angles_mpgd.get(cluster).copied().unwrap_or(f64::NAN),
+                mpgd: references.mpgd_run(j),
             })
         })
         .collect::<Result<_, SpectrumError>>()?;
@@ -149,7 +159,6 @@ pub fn certify(
         orthonormality: (&gram - &identity).norm_max(),
         pairs,
         completeness: completeness(pencil, analysis, vectors, references, &runs)?,
-        mpgd_runs: references.mpgd_runs.clone(),
     })
 }
 

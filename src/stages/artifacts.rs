@@ -239,14 +239,13 @@ fn run_of((iterations, change, by_tolerance): RunParts) -> Run {
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
 pub struct CertificateArtifact {
     orthonormality: f64,
-    /// cluster, then λ, residual, ρ, λ FEM, λ M-PGD, angle FEM, angle M-PGD.
-    pairs: Vec<(u32, [f64; 7])>,
+    /// cluster; λ, residual, ρ, λ FEM, λ M-PGD, angle FEM, angle M-PGD; M-PGD's run.
+    pairs: Vec<(u32, [f64; 7], Option<RunParts>)>,
     sigma: f64,
     count: Option<u32>,
     found: u32,
     complete: bool,
     cut_cluster: bool,
-    runs: Vec<RunParts>,
 }
 
 impl From<&Certificate> for CertificateArtifact {
@@ -261,7 +260,7 @@ impl From<&Certificate> for CertificateArtifact {
                 p.angle_fem,
                 p.angle_mpgd,
             ];
-            (p.cluster as u32, numbers)
+            (p.cluster as u32, numbers, p.mpgd.as_ref().map(run_parts))
         };
         let Completeness { sigma, count, found, complete, cut_cluster } = certificate.completeness;
         Self {
@@ -272,14 +271,13 @@ impl From<&Certificate> for CertificateArtifact {
             found: found as u32,
             complete,
             cut_cluster,
-            runs: certificate.mpgd_runs.iter().map(run_parts).collect(),
         }
     }
 }
 
 impl From<CertificateArtifact> for Certificate {
     fn from(artifact: CertificateArtifact) -> Self {
-        let pair = |(cluster, numbers): (u32, [f64; 7])| {
+        let pair = |(cluster, numbers, run): (u32, [f64; 7], Option<RunParts>)| {
             let [lambda, residual, rho, lambda_fem, lambda_mpgd, angle_fem, angle_mpgd] = numbers;
             PairCertificate {
                 lambda,
@@ -290,6 +288,7 @@ impl From<CertificateArtifact> for Certificate {
                 lambda_mpgd,
                 angle_fem,
                 angle_mpgd,
+                mpgd: run.map(run_of),
             }
         };
         Self {
@@ -302,7 +301,6 @@ impl From<CertificateArtifact> for Certificate {
                 complete: artifact.complete,
                 cut_cluster: artifact.cut_cluster,
             },
-            mpgd_runs: artifact.runs.into_iter().map(run_of).collect(),
         }
     }
 }

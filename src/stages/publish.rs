@@ -57,13 +57,12 @@ fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
     let assembled = &verified.trained.assembled;
     let certificate = &verified.certificate;
     let area = assembled.loaded.ingested.mesh.area();
-    let known = certificate.pairs.len() - certificate.mpgd_runs.len();
+    let known = verified.trained.known();
     let verdict = |fine: bool| if fine { Verdict::Verified } else { Verdict::Unverified };
     let judged = certificate.pairs.iter().zip(&verified.judgement.pairs);
     let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {
         let source = if j < known { Source::Constant } else { Source::Trained };
-        let run = j.checked_sub(known).map(|run| certificate.mpgd_runs[run]);
-        Eigenpair::new(j + 1, source, verdict(short.is_empty()), pair, area, run)
+        Eigenpair::new(j + 1, source, verdict(short.is_empty()), pair, area)
     });
     Spectrum {
         schema: Default::default(),

@@ -61,19 +61,18 @@ fn join(shortfalls: &[Shortfall]) -> String {
 
 /// Judges every pair and the set. A measurement that is not a number falls short.
 pub fn judge(certificate: &Certificate, tolerances: &Verify) -> Judgement {
-    let known = certificate.pairs.len() - certificate.mpgd_runs.len();
-    // For λ = 0, relative means relative to the first eigenvalue that is not; where K ends before it, to the
-    // shift in the gap below it.
-    let first = match certificate.pairs.get(known) {
+    // For λ = 0, relative means relative to the first eigenvalue that M-PGD was not given; where K ends before
+    // it, to the shift in the gap below it.
+    let first = match certificate.pairs.iter().find(|pair| pair.mpgd.is_some()) {
         Some(pair) => pair.lambda_fem.abs(),
         None => certificate.completeness.sigma,
     };
-    let pairs = certificate.pairs.iter().enumerate().map(|(j, pair)| {
-        let converged = match j.checked_sub(known) {
-            Some(run) => certificate.mpgd_runs[run].stopped_by == StoppedBy::Tolerance,
-            None => true,
-        };
-        judge_pair(pair, tolerances, first, converged)
+    let converged =
+        |pair: &PairCertificate| pair.mpgd.is_none_or(|run| run.stopped_by == StoppedBy::Tolerance);
+    let pairs = certificate.pairs.iter().map(|pair| {
+        // Its cluster is compared as a whole, so one unconverged member spoils the angle of all.
+        let mut cluster = certificate.pairs.iter().filter(|other| other.cluster == pair.cluster);
+        judge_pair(pair, tolerances, first, converged(pair), cluster.all(converged))
     });
     let mut set = Vec::new();
     if exceeds(certificate.orthonormality, tolerances.orthonormality_tolerance) {
@@ -90,6 +89,7 @@ fn judge_pair(
     tolerances: &Verify,
     first: f64,
     mpgd_converged: bool,
+    cluster_converged: bool,
 ) -> Vec<Shortfall> {
     let relative = |reference: f64| {
         let scale = if reference.abs() > 1e-6 * first { reference.abs() } else { first };
@@ -104,7 +104,7 @@ fn judge_pair(
             Shortfall::LambdaMpgd,
         ),
         (pair.angle_fem, tolerances.angle_tolerance, true, Shortfall::AngleFem),
-        (pair.angle_mpgd, tolerances.angle_tolerance, mpgd_converged, Shortfall::AngleMpgd),
+        (pair.angle_mpgd, tolerances.angle_tolerance, cluster_converged, Shortfall::AngleMpgd),
     ];
     checks
         .into_iter()
@@ -124,19 +124,21 @@ mod tests {
     use crate::spectrum::mpgd::Run;
 
     fn certificate() -> Certificate {
-        let pair = |lambda: f64, reference: f64| PairCertificate {
+        let run = Run { iterations: 9, change: 0.0, stopped_by: StoppedBy::Tolerance };
+        let pair = |lambda: f64, reference: f64, cluster: usize| PairCertificate {
             lambda,
-            cluster: 0,
+            cluster,
             residual: 0.0,
             rho: 0.0,
             lambda_fem: reference,
             lambda_mpgd: reference,
             angle_fem: 0.01,
             angle_mpgd: 0.01,
+            mpgd: (cluster > 0).then_some(run),
         };
         Certificate {
             orthonormality: 1e-14,
-            pairs: vec![pair(1e-15, -1e-14), pair(2.01, 2.0)],
+            pairs: vec![pair(1e-15, -1e-14, 0), pair(2.01, 2.0, 1)],
             completeness: Completeness {
                 sigma: 3.0,
                 count: Some(2),
@@ -144,7 +146,6 @@ mod tests {
                 complete: true,
                 cut_cluster: false,
             },
-            mpgd_runs: vec![Run { iterations: 9, change: 0.0, stopped_by: StoppedBy::Tolerance }],
         }
     }
 
@@ -172,7 +173,8 @@ mod tests {
     fn an_unconverged_second_opinion_does_not_count() {
         let mut certificate = certificate();
         certificate.pairs[1].lambda_mpgd = 9.0;
-        certificate.mpgd_runs[0].stopped_by = StoppedBy::Count;
+        certificate.pairs[1].mpgd =
+            Some(Run { iterations: 9, change: 0.1, stopped_by: StoppedBy::Count });
         assert!(judge(&certificate, &Verify::default()).is_verified());
     }
 }

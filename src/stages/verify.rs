@@ -10,7 +10,7 @@ use super::train::InTraining;
 use super::verdict::{Judgement, judge};
 use crate::ggnn::predict::predict_all;
 use crate::mesh::topology::component_labels;
-use crate::spectrum::certificate::{References, certify, reference_past_gap};
+use crate::spectrum::certificate::{References, certify, cluster_end, reference_past_gap};
 use crate::spectrum::factor::Analysis;
 use crate::spectrum::mpgd::{self, StoppedBy};
 use crate::spectrum::nullspace::nullspace;
@@ -121,8 +121,10 @@ fn references(
         let vectors = zero_modes(trained, k);
         let known = Eigenpairs { values: vec![0.0; vectors.ncols()], vectors };
         let cancelled = || context.cancel.is_cancelled();
+        // A cluster that K cuts is compared as a whole.
+        let count = cluster_end(&fem.values, k);
         let (mpgd, mpgd_runs) =
-            mpgd::lowest(pencil, &known, k, verify.stopping(), verify.mpgd_seed, &cancelled);
+            mpgd::lowest(pencil, &known, count, verify.stopping(), verify.mpgd_seed, &cancelled);
         if mpgd_runs.iter().any(|run| run.stopped_by == StoppedBy::Cancelled) {
             return Err(Failure::Interrupted);
         }

@@ -1,5 +1,8 @@
 //! What the tests of the program share: a small mesh, a quick pipeline, and a way to run the real binary.
 
+// Every test file compiles this module for itself and uses what it needs.
+#![allow(dead_code)]
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

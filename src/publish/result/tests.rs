@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::*;
 
-fn measured(lambda: f64) -> PairCertificate {
+fn measured(lambda: f64, mpgd: Option<mpgd::Run>) -> PairCertificate {
     PairCertificate {
         lambda,
         cluster: 1,
@@ -14,6 +14,7 @@ fn measured(lambda: f64) -> PairCertificate {
         lambda_mpgd: f64::NAN,
         angle_fem: 0.5,
         angle_mpgd: f64::INFINITY,
+        mpgd,
     }
 }
 
@@ -33,14 +34,13 @@ pub fn spectrum() -> Spectrum {
             area: 2.0,
         },
         eigenpairs: vec![
-            Eigenpair::new(1, Source::Constant, Verdict::Verified, &measured(0.0), Area(2.0), None),
+            Eigenpair::new(1, Source::Constant, Verdict::Verified, &measured(0.0, None), Area(2.0)),
             Eigenpair::new(
                 2,
                 Source::Trained,
                 Verdict::Unverified,
-                &measured(1.5),
+                &measured(1.5, Some(run)),
                 Area(2.0),
-                Some(run),
             ),
         ],
         orthonormality: 1e-15,
