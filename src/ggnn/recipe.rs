@@ -17,9 +17,10 @@ pub struct Ritz {
     pub batch: usize,
     /// Adam's learning rate at the first step; it falls to zero along a half cosine.
     pub learning_rate: f64,
-    /// The head is solved anew every so many steps.
+    /// The head is solved anew every so many steps; between them it is evaluated on the new batch.
     pub solve_every: usize,
-    /// Eigen-directions of the feature Gram matrix below this (relative) are cut off.
+    /// The head's ridge σ, relative to the trace of the features' stiffness: combinations of features that need
+    /// weights so large that σ‖w‖² counts are cut off.
     pub cutoff: f64,
     /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
     pub shards: usize,

@@ -19,7 +19,7 @@ use super::deflation::Deflation;
 use super::head::Head;
 use super::network::Trunk;
 use super::ops::graph::Graph;
-use super::ops::rayleigh::{MemberPencil, Quotient};
+use super::ops::rayleigh::MemberPencil;
 use super::predict::NetworkInput;
 use super::recipe::Ritz;
 use super::shards::Shards;
@@ -99,7 +99,7 @@ pub fn train_block(
     let mut trunk = Trunk::init(recipe.shape, recipe.ranges, seed);
     let everyone: Vec<usize> = (0..samples.len()).collect();
     let mut batches = Batches::new(samples.len(), recipe.batch, seed);
-    Shards::run(samples, recipe.shards, |shards| {
+    Shards::run(&samples, recipe.shards, |shards| {
         let untrained = shards.grams(&trunk, &everyone).solve(recipe.cutoff);
         let untrained = untrained.ok_or(TrainError::Degenerate { step: 0 })?.quotient;
         let mut adam = Moments::new(&trunk);
@@ -111,19 +111,15 @@ pub fn train_block(
             }
             let batch = batches.next();
             let grams = shards.grams(&trunk, &batch);
-            if head.is_none() || step % recipe.solve_every.max(1) == 0 {
-                head = grams.solve(recipe.cutoff);
-            }
-            let weights = &head.as_ref().ok_or(TrainError::Degenerate { step })?.weights;
-            let (numerator, denominator) = grams.quotient_parts(weights);
-            let quotient = Quotient { value: numerator / denominator, denominator };
-            if !quotient.value.is_finite() {
-                return Err(TrainError::Degenerate { step });
-            }
-            let gradients = shards.gradients(weights, quotient);
+            head = match head {
+                Some(head) if step % recipe.solve_every.max(1) != 0 => grams.rescale(head),
+                _ => grams.solve(recipe.cutoff),
+            };
+            let head = head.as_ref().ok_or(TrainError::Degenerate { step })?;
+            let gradients = shards.gradients(head);
             adam.update(&mut trunk, gradients, recipe.learning_rate_at(step));
-            history.push(quotient.value);
-            observer.step(step + 1, recipe.steps, quotient.value);
+            history.push(head.quotient);
+            observer.step(step + 1, recipe.steps, head.quotient);
         }
         let last = shards.grams(&trunk, &everyone).solve(recipe.cutoff);
         let last = last.ok_or(TrainError::Degenerate { step: recipe.steps })?;

@@ -37,7 +37,10 @@ impl Real for f32 {
         f64::from(self)
     }
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
-        Arch::new().dispatch(|| sin_cos_f32(x, sin, cos));
+        Arch::new().dispatch(
+            #[inline(always)]
+            || sin_cos_f32(x, sin, cos),
+        );
     }
 }
 
@@ -58,6 +61,22 @@ pub fn axpy<E: Real>(a: E, x: &[E], y: &mut [E]) {
     for (y, &x) in y.iter_mut().zip(x) {
         *y += a * x;
     }
+}
+
+/// y += x.
+pub fn add<E: Real>(x: &[E], y: &mut [E]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || y.iter_mut().zip(x).for_each(|(y, &x)| *y += x),
+    );
+}
+
+/// y ← y ∘ x, entry by entry.
+pub fn multiply<E: Real>(x: &[E], y: &mut [E]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || y.iter_mut().zip(x).for_each(|(y, &x)| *y *= x),
+    );
 }
 
 /// Beyond this the reduction by a three-part π/2 loses digits.
