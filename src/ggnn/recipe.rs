@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::features::COORDINATES;
 use super::network::{Ranges, TrunkShape};
 
 /// Recipe `ritz`: the head is solved, Adam trains the trunk on the Rayleigh quotient.
@@ -24,6 +25,22 @@ pub struct Ritz {
     pub cutoff: f64,
     /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
     pub shards: usize,
+}
+
+impl Default for Ritz {
+    /// The values that `docs/training.md` arrives at.
+    fn default() -> Self {
+        Self {
+            shape: TrunkShape { inputs: COORDINATES, width: 128, layers: 4, iterations: 1 },
+            ranges: Ranges { encoder: 4.0, hidden: 0.005 },
+            steps: 100,
+            batch: 2,
+            learning_rate: 6e-3,
+            solve_every: 1,
+            cutoff: 1e-10,
+            shards: 2,
+        }
+    }
 }
 
 impl Ritz {

@@ -118,18 +118,16 @@ fn serve(
             }
             Order::Backward { head, quotient } => {
                 let Some(trunk) = &trunk else { continue };
-                let zeros: Vec<Vec<f32>> = trunk
-                    .parameters()
-                    .iter()
-                    .map(|p| vec![0.0; p.shape().0 * p.shape().1])
-                    .collect();
-                let sum = taped.drain(..).fold(zeros, |sum, (sample, features)| {
-                    let loss = rayleigh(features, &head, &sample.pencil, quotient);
-                    let mut gradients = loss.backward();
-                    let own = trunk.parameters().iter().map(|p| take(&mut gradients, p)).collect();
-                    add_all(sum, own)
-                });
-                gradients_out.send(sum).is_ok()
+                // Empty when the batch left nothing to this shard.
+                let sum = taped
+                    .drain(..)
+                    .map(|(sample, features)| {
+                        let loss = rayleigh(features, &head, &sample.pencil, quotient);
+                        let mut gradients = loss.backward();
+                        trunk.parameters().iter().map(|p| take(&mut gradients, p)).collect()
+                    })
+                    .reduce(add_all);
+                gradients_out.send(sum.unwrap_or_default()).is_ok()
             }
         };
         if !delivered {

@@ -112,7 +112,9 @@ pub fn train_block(
             let batch = batches.next();
             let grams = shards.grams(&trunk, &batch);
             head = match head {
-                Some(head) if step % recipe.solve_every.max(1) != 0 => grams.rescale(head),
+                Some(head) if !step.is_multiple_of(recipe.solve_every.max(1)) => {
+                    grams.rescale(head)
+                }
                 _ => grams.solve(recipe.cutoff),
             };
             let head = head.as_ref().ok_or(TrainError::Degenerate { step })?;

@@ -109,7 +109,7 @@ fn sin_cos_f32(x: &[f32], sin: &mut [f32], cos: &mut [f32]) {
 fn sin_cos_reduced(x: f32) -> (f32, f32) {
     // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low bits.
     const ROUND: f32 = 12_582_912.0;
-    const PI_2: [f32; 3] = [1.570_312_5, 4.837_512_97e-4, 7.549_790_1e-8];
+    const PI_2: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
     let shifted = x * std::f32::consts::FRAC_2_PI + ROUND;
     let quadrant = shifted.to_bits();
     let k = shifted - ROUND;
