@@ -80,15 +80,16 @@ pub struct Train {
     pub batch: usize,
     /// Adam's learning rate at the first step; it falls to zero along a half cosine.
     pub learning_rate: f64,
-    /// Directions of the feature Gram matrix below this (relative) are cut off.
-    pub cutoff: f64,
+    /// The head's ridge, relative to the trace of the features' stiffness: what keeps ill-conditioned combinations
+    /// of features out.
+    pub ridge: f64,
     /// Parallel tapes. The bits of a result depend on it, but not on the number of threads.
     pub shards: usize,
 }
 
 impl Default for Train {
     fn default() -> Self {
-        let Ritz { shape, ranges, steps, batch, learning_rate, cutoff, shards } = Ritz::default();
+        let Ritz { shape, ranges, steps, batch, learning_rate, ridge, shards } = Ritz::default();
         Self {
             k: 8,
             seed: 0,
@@ -100,7 +101,7 @@ impl Default for Train {
             steps,
             batch,
             learning_rate,
-            cutoff,
+            ridge,
             shards,
         }
     }
@@ -120,7 +121,7 @@ impl Train {
             steps: self.steps,
             batch: self.batch,
             learning_rate: self.learning_rate,
-            cutoff: self.cutoff,
+            ridge: self.ridge,
             shards: self.shards,
         }
     }
@@ -280,7 +281,7 @@ impl Pipeline {
         }
         for (key, value) in [
             ("train.hidden_range", self.train.hidden_range),
-            ("train.cutoff", self.train.cutoff),
+            ("train.ridge", self.train.ridge),
             ("family.jitter", self.family.jitter),
         ] {
             if !(value >= 0.0 && value.is_finite()) {

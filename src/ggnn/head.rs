@@ -1,24 +1,24 @@
 //! The decoder, solved instead of trained: Rayleigh–Ritz over the hidden features of a whole batch.
 //!
-//! With F the deflated features of every member, the head is the lowest eigenvector of (ΣFᵀLF, ΣFᵀBF), the
-//! ill-conditioned directions of ΣFᵀBF cut off. It always gives the *next* eigenfunction. On meshes without
-//! Dirichlet boundary the constant is among the deflated functions, so no constant column is needed.
+//! With F the deflated features of every member, the head is the lowest eigenvector of (ΣFᵀLF + σI, ΣFᵀBF). It
+//! always gives the *next* eigenfunction. The ridge σ keeps ill-conditioned combinations of features out. On meshes
+//! without Dirichlet boundary the constant is among the deflated functions, so no constant column is needed.
 
-use faer::{Accum, Par, linalg::matmul::matmul};
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::{Accum, Par};
+use pulp::Arch;
 
 use super::deflation::Deflation;
 use super::ops::graph::Graph;
-use super::ops::real::Real;
+use super::ops::real::{Real, gemm, view};
 use crate::spectrum::Dense;
-use crate::spectrum::rayleigh_ritz::ritz_pairs;
+use crate::spectrum::rayleigh_ritz::lowest_ridge_pair;
 
-/// (FᵀLF, FᵀBF) of the deflated features of one member, or their sum over several; each h×h.
+/// (FᵀLF, FᵀBF) of the deflated features, summed over members; each h×h, its lower triangle alone.
 #[derive(Debug, Clone)]
 pub struct Grams {
-    /// FᵀLF.
-    pub stiffness: Dense,
-    /// FᵀBF.
-    pub mass: Dense,
+    stiffness: Dense,
+    mass: Dense,
 }
 
 /// A solved head.
@@ -26,7 +26,7 @@ pub struct Grams {
 pub struct Head {
     /// w_out: one weight a feature, scaled to Σ uᵀBu = 1 over the batch it was solved on.
     pub weights: Vec<f64>,
-    /// The Rayleigh quotient of the batch.
+    /// The Rayleigh quotient of the batch, with the ridge's share σ‖w‖².
     pub quotient: f64,
 }
 
@@ -36,80 +36,73 @@ impl Grams {
         Self { stiffness: Dense::zeros(h, h), mass: Dense::zeros(h, h) }
     }
 
-    /// The Gram matrices of `features`, row-major n×h.
-    pub fn of<E: Real>(
+    /// Adds the Gram matrices of one member's `features`, row-major n×h.
+    pub fn include<E: Real>(
+        &mut self,
         features: &[E],
-        h: usize,
         stiffness: &Graph<f64>,
         mass: &Graph<f64>,
         deflation: &Deflation,
-    ) -> Self {
-        let n = features.len() / h;
-        let deflated = deflated(features, n, h, deflation);
-        Self { stiffness: gram(&deflated, n, h, stiffness), mass: gram(&deflated, n, h, mass) }
+    ) {
+        let h = self.mass.nrows();
+        let deflated = deflated(features, features.len() / h, h, deflation);
+        let mut product = Vec::with_capacity(deflated.len());
+        for (sum, operator) in [(&mut self.stiffness, stiffness), (&mut self.mass, mass)] {
+            product.clear();
+            operator.for_each_row(&deflated, h, |_, row| product.extend_from_slice(row));
+            add_gram(sum, &deflated, &product);
+        }
     }
 
-    /// Adds another member's matrices.
+    /// Adds the sums over other members.
     pub fn add(&mut self, other: &Self) {
         self.stiffness += &other.stiffness;
         self.mass += &other.mass;
     }
 
-    /// The lowest Ritz pair; `None` when the features span nothing (or are not numbers).
-    pub fn solve(&self, cutoff: f64) -> Option<Head> {
-        let ritz = ritz_pairs(&self.stiffness, &self.mass, cutoff);
-        let quotient = ritz.values.first().copied().filter(|v| v.is_finite())?;
-        let weights = (0..self.mass.nrows()).map(|i| ritz.coefficients[(i, 0)]).collect();
+    /// The lowest pair with σ = `ridge` · tr ΣFᵀLF; `None` when the features span nothing (or are not numbers).
+    pub fn solve(&self, ridge: f64) -> Option<Head> {
+        let [stiffness, mass] = [&self.stiffness, &self.mass].map(mirrored);
+        let (quotient, weights) = lowest_ridge_pair(&stiffness, &mass, ridge)?;
         Some(Head { weights, quotient })
-    }
-
-    /// (wᵀ(ΣFᵀLF)w, wᵀ(ΣFᵀBF)w) of a head that was solved elsewhere.
-    pub fn quotient_parts(&self, head: &[f64]) -> (f64, f64) {
-        let form = |a: &Dense| -> f64 {
-            (0..head.len())
-                .map(|j| head[j] * (0..head.len()).map(|i| a[(i, j)] * head[i]).sum::<f64>())
-                .sum()
-        };
-        (form(&self.stiffness), form(&self.mass))
     }
 }
 
 /// P F in double precision, row-major n×h.
 fn deflated<E: Real>(features: &[E], n: usize, h: usize, deflation: &Deflation) -> Vec<f64> {
-    let mut f: Vec<f64> = features.iter().map(|v| v.wide()).collect();
+    let mut f = Vec::with_capacity(features.len());
+    Arch::new().dispatch(
+        #[inline(always)]
+        || f.extend(features.iter().map(|v| v.wide())),
+    );
     let k = deflation.phi().ncols();
     let mut overlaps = vec![0.0; k * h];
-    super::ops::real::gemm(
-        &mut overlaps,
-        deflation.dual().transpose(),
-        super::ops::real::view(&f, n, h),
-        Accum::Replace,
-    );
+    gemm(&mut overlaps, deflation.dual().transpose(), view(&f, n, h), Accum::Replace);
     overlaps.iter_mut().for_each(|c| *c = -*c);
-    super::ops::real::gemm(
-        &mut f,
-        deflation.phi().as_ref(),
-        super::ops::real::view(&overlaps, k, h),
-        Accum::Add,
-    );
+    gemm(&mut f, deflation.phi().as_ref(), view(&overlaps, k, h), Accum::Add);
     f
 }
 
-/// FᵀAF, made exactly symmetric.
-fn gram(f: &[f64], n: usize, h: usize, a: &Graph<f64>) -> Dense {
-    let mut af = Vec::with_capacity(n * h);
-    a.for_each_row(f, h, |_, row| af.extend_from_slice(row));
-    let mut g = Dense::zeros(h, h);
-    let view = |x| faer::MatRef::from_row_major_slice(x, n, h);
-    matmul(g.as_mut(), Accum::Replace, view(f).transpose(), view(&af), 1.0, Par::Seq);
-    for j in 0..h {
-        for i in 0..j {
-            let mean = 0.5 * (g[(i, j)] + g[(j, i)]);
-            g[(i, j)] = mean;
-            g[(j, i)] = mean;
-        }
-    }
-    g
+/// sum += the lower triangle of FᵀG.
+fn add_gram(sum: &mut Dense, f: &[f64], g: &[f64]) {
+    let h = sum.nrows();
+    let view = |x| view(x, f.len() / h, h);
+    matmul(
+        sum.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        view(f).transpose(),
+        BlockStructure::Rectangular,
+        view(g),
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
+}
+
+/// The symmetric matrix with this lower triangle.
+fn mirrored(lower: &Dense) -> Dense {
+    Dense::from_fn(lower.nrows(), lower.ncols(), |i, j| lower[(i.max(j), i.min(j))])
 }
 
 #[cfg(test)]
@@ -126,7 +119,9 @@ mod tests {
         let constant = Deflation::new(&operators.mass, Dense::from_fn(mesh.n(), 1, |_, _| 1.0));
         let features: Vec<f32> =
             mesh.vertices().iter().flat_map(|p| [p[0] as f32, p[1] as f32, 1.0]).collect();
-        let head = Grams::of(&features, 3, &l, &b, &constant).solve(1e-10).unwrap();
+        let mut grams = Grams::zeros(3);
+        grams.include(&features, &l, &b, &constant);
+        let head = grams.solve(1e-10).unwrap();
         assert!((head.quotient / 2.0 - 1.0).abs() < 5e-3, "{}", head.quotient);
     }
 }

@@ -8,11 +8,11 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::ops::Matrix;
 use super::ops::encoder::encode;
 use super::ops::graph::Graph;
 use super::ops::real::Real;
-use super::ops::sggc::sggc;
+use super::ops::sggc::{Mixing, sggc};
+use super::ops::{Matrix, entries};
 
 /// The sizes of a trunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,7 +83,7 @@ impl<E: Real> Trunk<E> {
 
     /// The weights, row-major, in the order w_in, b_in, then w₁ and w₂ of every layer.
     pub fn weights(&self) -> Vec<Vec<E>> {
-        self.parameters.iter().map(Matrix::as_vec).collect()
+        self.parameters.iter().map(entries).collect()
     }
 
     /// The parameters themselves, for an optimiser.
@@ -98,10 +98,23 @@ impl<E: Real> Trunk<E> {
 
     /// The last hidden features F, n×h, of the input features x, n×d.
     pub fn forward<T: Tape<E, Cpu>>(&self, x: Matrix<E, T>, graph: &Arc<Graph<E>>) -> Matrix<E, T> {
+        self.forward_with(&self.mixings(), x, graph)
+    }
+
+    /// What [`Self::forward_with`] needs of every layer; for many passes with the same weights.
+    pub fn mixings(&self) -> Vec<Mixing<E>> {
+        self.parameters[2..].chunks_exact(2).map(|w| Mixing::new(&w[0], &w[1])).collect()
+    }
+
+    /// [`Self::forward`] with the [`Self::mixings`] of this trunk.
+    pub fn forward_with<T: Tape<E, Cpu>>(
+        &self,
+        mixings: &[Mixing<E>],
+        x: Matrix<E, T>,
+        graph: &Arc<Graph<E>>,
+    ) -> Matrix<E, T> {
         let encoded = encode(x, &self.parameters[0], &self.parameters[1]);
-        self.parameters[2..].chunks_exact(2).fold(encoded, |x, weights| {
-            sggc(x, graph, &weights[0], &weights[1], self.shape.iterations)
-        })
+        mixings.iter().fold(encoded, |x, mixing| sggc(x, graph, mixing, self.shape.iterations))
     }
 }
 

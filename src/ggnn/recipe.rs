@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::features::COORDINATES;
 use super::network::{Ranges, TrunkShape};
 
 /// Recipe `ritz`: the head is solved, Adam trains the trunk on the Rayleigh quotient.
@@ -17,21 +18,23 @@ pub struct Ritz {
     pub batch: usize,
     /// Adam's learning rate at the first step; it falls to zero along a half cosine.
     pub learning_rate: f64,
-    /// Eigen-directions of the feature Gram matrix below this (relative) are cut off.
-    pub cutoff: f64,
+    /// The head's ridge σ, relative to the trace of the features' stiffness: combinations of features that need
+    /// weights so large that σ‖w‖² counts are cut off.
+    pub ridge: f64,
     /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
     pub shards: usize,
 }
 
 impl Default for Ritz {
+    /// The values that `docs/training.md` arrives at.
     fn default() -> Self {
         Self {
-            shape: TrunkShape { inputs: 3, width: 128, layers: 4, iterations: 1 },
+            shape: TrunkShape { inputs: COORDINATES, width: 128, layers: 4, iterations: 1 },
             ranges: Ranges { encoder: 4.0, hidden: 0.005 },
-            steps: 80,
-            batch: 4,
-            learning_rate: 3e-3,
-            cutoff: 1e-10,
+            steps: 100,
+            batch: 2,
+            learning_rate: 6e-3,
+            ridge: 1e-10,
             shards: 2,
         }
     }

@@ -16,10 +16,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::block::{Block, TrainingRecord};
 use super::deflation::Deflation;
-use super::head::Head;
 use super::network::Trunk;
 use super::ops::graph::Graph;
-use super::ops::rayleigh::{MemberPencil, Quotient};
+use super::ops::rayleigh::MemberPencil;
 use super::predict::NetworkInput;
 use super::recipe::Ritz;
 use super::shards::Shards;
@@ -99,8 +98,8 @@ pub fn train_block(
     let mut trunk = Trunk::init(recipe.shape, recipe.ranges, seed);
     let everyone: Vec<usize> = (0..samples.len()).collect();
     let mut batches = Batches::new(samples.len(), recipe.batch, seed);
-    Shards::run(samples, recipe.shards, |shards| {
-        let untrained = shards.grams(&trunk, &everyone).solve(recipe.cutoff);
+    Shards::run(&samples, recipe.shards, |shards| {
+        let untrained = shards.grams(&trunk, &everyone).solve(recipe.ridge);
         let untrained = untrained.ok_or(TrainError::Degenerate { step: 0 })?.quotient;
         let mut adam = Moments::new(&trunk);
         let mut history = Vec::with_capacity(recipe.steps);
@@ -110,19 +109,14 @@ pub fn train_block(
             }
             let batch = batches.next();
             let grams = shards.grams(&trunk, &batch);
-            let Head { weights, .. } =
-                grams.solve(recipe.cutoff).ok_or(TrainError::Degenerate { step })?;
-            let (numerator, denominator) = grams.quotient_parts(&weights);
-            let quotient = Quotient { value: numerator / denominator, denominator };
-            if !quotient.value.is_finite() {
-                return Err(TrainError::Degenerate { step });
-            }
-            let gradients = shards.gradients(&weights, quotient);
+            // Solved on the very batch that gives the gradient: a head from another batch is not optimal here.
+            let head = grams.solve(recipe.ridge).ok_or(TrainError::Degenerate { step })?;
+            let gradients = shards.gradients(&head);
             adam.update(&mut trunk, gradients, recipe.learning_rate_at(step));
-            history.push(quotient.value);
-            observer.step(step + 1, recipe.steps, quotient.value);
+            history.push(head.quotient);
+            observer.step(step + 1, recipe.steps, head.quotient);
         }
-        let last = shards.grams(&trunk, &everyone).solve(recipe.cutoff);
+        let last = shards.grams(&trunk, &everyone).solve(recipe.ridge);
         let last = last.ok_or(TrainError::Degenerate { step: recipe.steps })?;
         Ok(Block {
             shape: recipe.shape,

@@ -1,8 +1,14 @@
 //! Rayleigh–Ritz: the eigenpairs of (8) restricted to a subspace, by small dense eigenproblems.
 
-use faer::{Accum, Par, Side, linalg::matmul::matmul};
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, Par, linalg::matmul::matmul};
 
 use super::Dense;
+use super::pencil::{column, column_mut};
 
 /// Ritz values in ascending order and the coefficients of their vectors, one a column.
 #[derive(Debug, Clone)]
@@ -34,11 +40,114 @@ pub fn symmetric_eigen(a: &Dense) -> (Vec<f64>, Dense) {
     if a.nrows() == 0 {
         return (Vec::new(), Dense::zeros(0, 0));
     }
-    match a.self_adjoint_eigen(Side::Lower) {
-        Ok(eigen) => (eigen.S().column_vector().iter().copied().collect(), eigen.U().to_owned()),
+    // On one thread: these matrices are small, and the callers are parallel already.
+    let n = a.nrows();
+    let (mut values, mut vectors) = (Diag::zeros(n), Dense::zeros(n, n));
+    let scratch =
+        self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Default::default());
+    let outcome = self_adjoint_evd(
+        a.as_ref(),
+        values.as_mut(),
+        Some(vectors.as_mut()),
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    );
+    match outcome {
+        Ok(()) => (values.column_vector().iter().copied().collect(), vectors),
         // Only matrices with NaN or infinite entries fail; what is not a number stays visibly so.
-        Err(_) => (vec![f64::NAN; a.nrows()], Dense::identity(a.nrows(), a.nrows())),
+        Err(_) => (vec![f64::NAN; n], Dense::identity(n, n)),
     }
+}
+
+/// The lowest pair of (A + σI) y = θ M y, with yᵀMy = 1, for symmetric positive semi-definite A and M, m×m, and
+/// σ = `ridge` · tr A. `None` when there is none: M is zero, or something is not a number.
+///
+/// A combination y that A and M hardly see would have a meaningless quotient; the ridge makes it a large one. It
+/// costs one Cholesky factorisation A + σI = RRᵀ and a few dozen steps of Lanczos for the largest eigenvalue of
+/// R⁻¹MR⁻ᵀ, where [`ritz_pairs`] takes two full eigendecompositions.
+pub fn lowest_ridge_pair(a: &Dense, m: &Dense, ridge: f64) -> Option<(f64, Vec<f64>)> {
+    let n = a.nrows();
+    let shift = ridge * (0..n).map(|i| a[(i, i)]).sum::<f64>();
+    let mut factor = a.clone();
+    (0..n).for_each(|i| factor[(i, i)] += shift);
+    let scratch = cholesky_in_place_scratch::<f64>(n, Par::Seq, Default::default());
+    cholesky_in_place(
+        factor.as_mut(),
+        Default::default(),
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Default::default(),
+    )
+    .ok()?;
+    // R⁻¹(R⁻¹M)ᵀ = R⁻¹MR⁻ᵀ.
+    let mut half = m.clone();
+    solve_lower_triangular_in_place(factor.as_ref(), half.as_mut(), Par::Seq);
+    let mut whitened = half.transpose().to_owned();
+    solve_lower_triangular_in_place(factor.as_ref(), whitened.as_mut(), Par::Seq);
+    let (largest, mut y) = largest_pair(&whitened)?;
+    faer::linalg::triangular_solve::solve_upper_triangular_in_place(
+        factor.transpose(),
+        y.as_mut(),
+        Par::Seq,
+    );
+    let scale = largest.sqrt().recip();
+    let weights: Vec<f64> = column(&y, 0).iter().map(|y| y * scale).collect();
+    weights.iter().all(|w| w.is_finite()).then_some((largest.recip(), weights))
+}
+
+/// Lanczos stops when the residual is this small, relative to the eigenvalue. The error of the eigenvalue is its
+/// square, relative to the gap.
+const LANCZOS_RESIDUAL: f64 = 1e-9;
+
+/// The largest eigenvalue of a symmetric positive semi-definite matrix, m×m, and its unit vector, m×1, by Lanczos
+/// with full reorthogonalisation: after m steps it is exact.
+fn largest_pair(a: &Dense) -> Option<(f64, Dense)> {
+    let n = a.nrows();
+    let mut basis = Dense::zeros(n, n);
+    let mut tridiagonal = Dense::zeros(n, n);
+    let mut next = Dense::from_fn(n, 1, |_, _| (n as f64).sqrt().recip());
+    let mut overlaps = Dense::zeros(n, 1);
+    let mut check_at = 16;
+    for step in 0..n {
+        column_mut(&mut basis, step).copy_from_slice(column(&next, 0));
+        matmul(next.as_mut(), Accum::Replace, a.as_ref(), basis.subcols(step, 1), 1.0, Par::Seq);
+        let (known, mut overlaps) = (basis.subcols(0, step + 1), overlaps.subrows_mut(0, step + 1));
+        // Twice is enough: the second pass removes what rounding left of the first.
+        for pass in 0..2 {
+            matmul(
+                overlaps.as_mut(),
+                Accum::Replace,
+                known.transpose(),
+                next.as_ref(),
+                1.0,
+                Par::Seq,
+            );
+            matmul(next.as_mut(), Accum::Add, known, overlaps.as_ref(), -1.0, Par::Seq);
+            if pass == 0 {
+                tridiagonal[(step, step)] = overlaps[(step, 0)];
+            }
+        }
+        let norm = next.norm_l2();
+        let exhausted = step + 1 == n || norm <= f64::EPSILON * tridiagonal[(0, 0)].abs();
+        if exhausted || step + 1 == check_at {
+            let size = step + 1;
+            let (values, vectors) =
+                symmetric_eigen(&tridiagonal.submatrix(0, 0, size, size).to_owned());
+            let largest = values[step];
+            let residual = norm * vectors[(step, step)].abs();
+            if largest.is_nan() || (exhausted && largest <= 0.0) {
+                return None;
+            }
+            if exhausted || residual <= LANCZOS_RESIDUAL * largest {
+                return Some((largest, times(known, vectors.subcols(step, 1))));
+            }
+            check_at += check_at / 2;
+        }
+        tridiagonal[(step + 1, step)] = norm;
+        column_mut(&mut next, 0).iter_mut().for_each(|v| *v /= norm);
+    }
+    None
 }
 
 /// TᵀAT.
@@ -65,6 +174,41 @@ mod tests {
         assert!((pairs.values[0] - 2.0).abs() < 1e-14 && (pairs.values[1] - 3.0).abs() < 1e-14);
         let gram = congruence(&m, &pairs.coefficients);
         assert!((gram[(0, 0)] - 1.0).abs() < 1e-14 && gram[(0, 1)].abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_lowest_pair_is_that_of_the_full_decomposition() {
+        for n in [1, 2, 40] {
+            // Gram matrices of smooth functions, which are nearly dependent, as features are.
+            let gram = |power: i32| {
+                Dense::from_fn(n, n, |i, j| {
+                    let product = |k: i32| {
+                        let [a, b] = [i, j].map(|l| (f64::from(k) * (l + 1) as f64 * 0.05).sin());
+                        a * b * f64::from(k).powi(power)
+                    };
+                    (1..60).map(product).sum::<f64>() + if i == j { 1e-6 } else { 0.0 }
+                })
+            };
+            let (a, m) = (gram(1), gram(0));
+            let all = ritz_pairs(&a, &m, 0.0);
+            let (value, y) = lowest_ridge_pair(&a, &m, 1e-15).unwrap();
+            assert!((value / all.values[0] - 1.0).abs() < 1e-7, "{value} {}", all.values[0]);
+            let norm: f64 =
+                (0..n).map(|j| y[j] * (0..n).map(|i| m[(i, j)] * y[i]).sum::<f64>()).sum();
+            assert!((norm - 1.0).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn a_direction_that_neither_matrix_sees_is_not_the_lowest() {
+        let a = Dense::from_fn(3, 3, |i, j| if i == j { [5.0, 0.0, 3.0][i] } else { 0.0 });
+        let m = Dense::from_fn(3, 3, |i, j| if i == j { [1.0, 1e-17, 1.0][i] } else { 0.0 });
+        let (value, y) = lowest_ridge_pair(&a, &m, 1e-10).unwrap();
+        assert!((value - 3.0).abs() < 1e-8 && y[1].abs() < 1e-3 && y[0].abs() < 1e-6);
+        assert_eq!(lowest_ridge_pair(&a, &Dense::zeros(3, 3), 1e-10), None);
+        let undefined = Dense::from_fn(3, 3, |_, _| f64::NAN);
+        assert_eq!(lowest_ridge_pair(&undefined, &m, 1e-10), None);
+        assert_eq!(lowest_ridge_pair(&a, &undefined, 1e-10), None);
     }
 
     #[test]

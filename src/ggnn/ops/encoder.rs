@@ -2,8 +2,8 @@
 
 use dfdx::prelude::*;
 
-use super::Matrix;
-use super::real::{Real, gemm, view};
+use super::real::{Real, add, gemm, multiply, view};
+use super::{Matrix, entries};
 
 /// Applies (28) to features x, n×d, with w_in, h×d, and b_in, 1×h: n×h.
 pub fn encode<E: Real, T: Tape<E, Cpu>>(
@@ -14,8 +14,9 @@ pub fn encode<E: Real, T: Tape<E, Cpu>>(
     let (x, mut tape) = x.split_tape();
     let &(n, d) = x.shape();
     let &(h, _) = w.shape();
-    let (xs, ws, bs) = (x.as_vec(), w.as_vec(), b.as_vec());
-    let mut phase: Vec<E> = (0..n).flat_map(|_| bs.iter().copied()).collect();
+    let (xs, ws, bs) = (entries(&x), entries(w), entries(b));
+    let mut phase = Vec::with_capacity(n * h);
+    (0..n).for_each(|_| phase.extend_from_slice(&bs));
     gemm(&mut phase, view(&xs, n, d), view(&ws, h, d).transpose(), faer::Accum::Add);
     let (mut sin, mut cos) = (vec![E::default(); n * h], vec![E::default(); n * h]);
     E::sin_cos_all(&phase, &mut sin, &mut cos);
@@ -23,12 +24,12 @@ pub fn encode<E: Real, T: Tape<E, Cpu>>(
     let (out_ghost, x_ghost, w_ghost, b_ghost) = (out.ghost(), x.ghost(), w.ghost(), b.ghost());
     tape.add_backward_op(move |grads| {
         let mut d_phase = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
-        d_phase.iter_mut().zip(&cos).for_each(|(g, &c)| *g *= c);
+        multiply(&cos, &mut d_phase);
         let d_phase_view = view(&d_phase, n, h);
         gemm(grads.get_or_alloc_mut(&w_ghost)?, d_phase_view.transpose(), view(&xs, n, d), ADD);
         let d_b = grads.get_or_alloc_mut(&b_ghost)?;
         for row in d_phase.chunks_exact(h) {
-            d_b.iter_mut().zip(row).for_each(|(d, &g)| *d += g);
+            add(row, d_b);
         }
         gemm(grads.get_or_alloc_mut(&x_ghost)?, d_phase_view, view(&ws, h, d), ADD);
         Ok(())

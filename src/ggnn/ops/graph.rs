@@ -1,6 +1,8 @@
 //! A sparse matrix in the precision of the network, and its products with features.
 
-use pulp::Arch;
+use std::ops::Range;
+
+use pulp::{Arch, NullaryFnOnce};
 
 use super::real::{Real, axpy};
 use crate::operators::Sparse;
@@ -32,12 +34,18 @@ impl<E: Real> Graph<E> {
 
     /// W x for row-major x, n×h; `write(i, row)` places row i.
     pub fn for_each_row(&self, x: &[E], h: usize, write: impl FnMut(usize, &[E])) {
-        self.forward.for_each_row(x, h, write);
+        self.forward.for_each_row(x, h, 0..h, write);
     }
 
-    /// Wᵀ x for row-major x, n×h.
-    pub fn for_each_transposed_row(&self, x: &[E], h: usize, write: impl FnMut(usize, &[E])) {
-        self.backward.for_each_row(x, h, write);
+    /// Wᵀ x for the given columns x of a row-major matrix with rows of length `stride`.
+    pub fn for_each_transposed_row(
+        &self,
+        matrix: &[E],
+        stride: usize,
+        columns: Range<usize>,
+        write: impl FnMut(usize, &[E]),
+    ) {
+        self.backward.for_each_row(matrix, stride, columns, write);
     }
 }
 
@@ -50,17 +58,42 @@ impl<E: Real> Rows<E> {
         }
     }
 
-    fn for_each_row(&self, x: &[E], h: usize, mut write: impl FnMut(usize, &[E])) {
-        Arch::new().dispatch(|| {
-            let mut sum = vec![E::default(); h];
-            for (i, range) in self.pointers.windows(2).enumerate() {
-                sum.fill(E::default());
-                for at in range[0]..range[1] {
-                    let j = self.columns[at] as usize;
-                    axpy(self.values[at], &x[j * h..(j + 1) * h], &mut sum);
-                }
-                write(i, &sum);
+    fn for_each_row(
+        &self,
+        matrix: &[E],
+        stride: usize,
+        columns: Range<usize>,
+        write: impl FnMut(usize, &[E]),
+    ) {
+        Arch::new().dispatch(Product { rows: self, matrix, stride, columns, write });
+    }
+}
+
+/// One product as an operation that pulp compiles for the widest registers: a closure in its place is called, not
+/// inlined, and stays narrow.
+struct Product<'a, E, F> {
+    rows: &'a Rows<E>,
+    matrix: &'a [E],
+    stride: usize,
+    columns: Range<usize>,
+    write: F,
+}
+
+impl<E: Real, F: FnMut(usize, &[E])> NullaryFnOnce for Product<'_, E, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { rows, matrix, stride, columns, mut write } = self;
+        let mut sum = vec![E::default(); columns.len()];
+        for (i, range) in rows.pointers.windows(2).enumerate() {
+            sum.fill(E::default());
+            for at in range[0]..range[1] {
+                let j = rows.columns[at] as usize;
+                let row = &matrix[j * stride..(j + 1) * stride];
+                axpy(rows.values[at], &row[columns.clone()], &mut sum);
             }
-        });
+            write(i, &sum);
+        }
     }
 }

@@ -20,7 +20,10 @@ pub mod sggc;
 #[cfg(test)]
 pub(crate) mod finite_differences;
 
+use dfdx::shapes::{HasShape, Shape};
 use dfdx::tensor::{Cpu, Tensor};
+
+use real::Real;
 
 /// A matrix with sizes known at run time, row-major.
 pub type Matrix<E, T = dfdx::tensor::NoneTape> = Tensor<(usize, usize), E, Cpu, T>;
@@ -28,3 +31,13 @@ pub type Matrix<E, T = dfdx::tensor::NoneTape> = Tensor<(usize, usize), E, Cpu, 
 pub type Vector<E, T = dfdx::tensor::NoneTape> = Tensor<(usize,), E, Cpu, T>;
 /// A number.
 pub type Scalar<E, T = dfdx::tensor::NoneTape> = Tensor<(), E, Cpu, T>;
+
+/// The entries of a tensor, in the order it was made in.
+///
+/// One memcpy, where `as_vec` walks the strides entry by entry; so the tensor must not be a permuted view. Nothing
+/// here makes one: every operation ends in `tensor_from_vec`.
+pub fn entries<S: Shape, E: Real, T>(x: &Tensor<S, E, Cpu, T>) -> Vec<E> {
+    let mut entries = vec![E::default(); x.shape().num_elements()];
+    x.copy_into(&mut entries);
+    entries
+}

@@ -7,9 +7,10 @@
 use std::sync::Arc;
 
 use dfdx::prelude::*;
+use pulp::Arch;
 
-use super::real::Real;
-use super::{Matrix, Scalar};
+use super::real::{Real, axpy};
+use super::{Matrix, Scalar, entries};
 use crate::ggnn::deflation::Deflation;
 use crate::operators::Sparse;
 use crate::spectrum::pencil::apply;
@@ -56,7 +57,7 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
     quotient: Quotient,
 ) -> Scalar<E, T> {
     let (features, mut tape) = features.split_tape();
-    let u = deflated_prediction(&features.as_vec(), head, &member.deflation);
+    let u = deflated_prediction(&entries(&features), head, &member.deflation);
     let [mut residual, mut bu] = [vec![0.0; u.len()], vec![0.0; u.len()]];
     apply(&member.stiffness, &u, &mut residual);
     apply(&member.mass, &u, &mut bu);
@@ -70,11 +71,15 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
         member.deflation.apply_transposed(&mut residual);
         let scale = 2.0 * outer / quotient.denominator;
         let d_features = grads.get_or_alloc_mut(&f_ghost)?;
-        for (row, r) in d_features.chunks_exact_mut(head.len()).zip(&residual) {
-            for (d, w) in row.iter_mut().zip(head.iter()) {
-                *d += E::round(scale * r * w);
-            }
-        }
+        let weights: Vec<E> = head.iter().map(|&w| E::round(w)).collect();
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (row, r) in d_features.chunks_exact_mut(weights.len()).zip(&residual) {
+                    axpy(E::round(scale * r), &weights, row);
+                }
+            },
+        );
         Ok(())
     });
     out.put_tape(tape)

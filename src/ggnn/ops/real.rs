@@ -37,7 +37,10 @@ impl Real for f32 {
         f64::from(self)
     }
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
-        Arch::new().dispatch(|| sin_cos_f32(x, sin, cos));
+        Arch::new().dispatch(
+            #[inline(always)]
+            || sin_cos_f32(x, sin, cos),
+        );
     }
 }
 
@@ -58,6 +61,22 @@ pub fn axpy<E: Real>(a: E, x: &[E], y: &mut [E]) {
     for (y, &x) in y.iter_mut().zip(x) {
         *y += a * x;
     }
+}
+
+/// y += x.
+pub fn add<E: Real>(x: &[E], y: &mut [E]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || y.iter_mut().zip(x).for_each(|(y, &x)| *y += x),
+    );
+}
+
+/// y ← y ∘ x, entry by entry.
+pub fn multiply<E: Real>(x: &[E], y: &mut [E]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || y.iter_mut().zip(x).for_each(|(y, &x)| *y *= x),
+    );
 }
 
 /// Beyond this the reduction by a three-part π/2 loses digits.
@@ -90,7 +109,7 @@ fn sin_cos_f32(x: &[f32], sin: &mut [f32], cos: &mut [f32]) {
 fn sin_cos_reduced(x: f32) -> (f32, f32) {
     // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low bits.
     const ROUND: f32 = 12_582_912.0;
-    const PI_2: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_790_1e-8];
+    const PI_2: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
     let shifted = x * std::f32::consts::FRAC_2_PI + ROUND;
     let quadrant = shifted.to_bits();
     let k = shifted - ROUND;
