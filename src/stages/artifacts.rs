@@ -33,12 +33,22 @@ artifact!(CertificateArtifact, "certify", version 1, schema 1);
 /// The variants of a mesh: positions and triangles.
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
 pub struct FamilyArtifact {
-    members: Vec<(Vec<[f64; 3]>, Vec<[u32; 3]>)>,
+    members: Vec<MeshParts>,
+}
+
+/// Positions and triangles.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+struct MeshParts {
+    vertices: Vec<[f64; 3]>,
+    faces: Vec<[u32; 3]>,
 }
 
 impl From<&Family> for FamilyArtifact {
     fn from(family: &Family) -> Self {
-        let parts = |mesh: &TriMesh| (mesh.vertices().to_vec(), mesh.faces().to_vec());
+        let parts = |mesh: &TriMesh| MeshParts {
+            vertices: mesh.vertices().to_vec(),
+            faces: mesh.faces().to_vec(),
+        };
         Self { members: family.members.iter().map(parts).collect() }
     }
 }
@@ -47,7 +57,8 @@ impl TryFrom<FamilyArtifact> for Family {
     type Error = InvalidMesh;
 
     fn try_from(artifact: FamilyArtifact) -> Result<Self, InvalidMesh> {
-        let members = artifact.members.into_iter().map(|(v, f)| TriMesh::new(v, f));
+        let members =
+            artifact.members.into_iter().map(|parts| TriMesh::new(parts.vertices, parts.faces));
         Ok(Self { members: members.collect::<Result<_, _>>()? })
     }
 }

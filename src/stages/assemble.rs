@@ -80,7 +80,7 @@ fn operators_of(
     mesh: &TriMesh,
 ) -> Result<Recalled<OperatorsArtifact>, Failure> {
     let kind = context.pipeline.operators.mass;
-    let work = Work::<OperatorsArtifact>::new()
+    let work = Work::<OperatorsArtifact>::of_stage()
         .param("mass", kind.name())
         .input("mesh", &Digest::from_bytes(*mesh.hash().as_bytes()))
         .seeded(0, "f64");

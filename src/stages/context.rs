@@ -76,7 +76,7 @@ pub struct Work<A> {
 
 impl<A: Artifact> Work<A> {
     /// Work of the stage that makes `A`.
-    pub fn new() -> Self {
+    pub fn of_stage() -> Self {
         Self { key: A::key(), inputs: Vec::new(), part: None, artifact: PhantomData }
     }
 

@@ -27,7 +27,7 @@ pub struct Familied {
 /// When no variants of the wanted size keep the topology.
 pub fn remesh(context: &Context, item: usize, mut loaded: Loaded) -> Result<Familied, Failure> {
     let recipe @ FamilyRecipe { members, vertices, jitter, seed } = context.pipeline.family;
-    let work = Work::<FamilyArtifact>::new()
+    let work = Work::<FamilyArtifact>::of_stage()
         .param("members", members.to_string())
         .param("vertices", vertices.to_string())
         .param("jitter", jitter.to_string())

@@ -75,7 +75,7 @@ pub fn train(
     let recipe = options.recipe();
     let features = context.pipeline.features.normalise;
     let work = state.blocks.iter().fold(
-        Work::<BlockArtifact>::new()
+        Work::<BlockArtifact>::of_stage()
             .part(k)
             .param("recipe", serde_json::to_vec(&recipe).unwrap_or_default())
             .param("features", serde_json::to_vec(&features).unwrap_or_default())

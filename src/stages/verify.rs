@@ -44,7 +44,7 @@ pub fn verify(
     trained.assembled.loaded.spent("predict", prediction.how, prediction.spent);
     let references = references(context, item, &trained)?;
     let vectors = Dense::from(prediction.artifact);
-    let work = Work::<CertificateArtifact>::new()
+    let work = Work::<CertificateArtifact>::of_stage()
         .input("prediction", &prediction.digest)
         .input("operators", &trained.assembled.operators_digest)
         .input("reference", &references.digest)
@@ -72,7 +72,7 @@ fn predict(
     let features = context.pipeline.features.normalise;
     let k = context.pipeline.train.k;
     let work = trained.blocks.iter().fold(
-        Work::<PredictionArtifact>::new()
+        Work::<PredictionArtifact>::of_stage()
             .param("features", serde_json::to_vec(&features).unwrap_or_default())
             .param("k", k.to_string())
             .input("mesh", &loaded.digest())
@@ -108,7 +108,7 @@ fn references(
     let k = context.pipeline.train.k;
     let verify = &context.pipeline.verify;
     let operators: &Digest = &trained.assembled.operators_digest;
-    let work = Work::<ReferenceArtifact>::new()
+    let work = Work::<ReferenceArtifact>::of_stage()
         .param("k", k.to_string())
         .param("mpgd", serde_json::to_vec(&verify.stopping()).unwrap_or_default())
         .input("mesh", &trained.assembled.loaded.digest())
