@@ -5,6 +5,7 @@
 //! - [`network`]: encoder and SGGC layers, (27)–(29)
 //! - [`deflation`]: keeping a function away from the earlier eigenfunctions
 //! - [`head`]: the decoder, solved by Rayleigh–Ritz
+//! - [`sample`]: what training works on
 //! - [`recipe`]: the hyperparameters
 //! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
 //! - [`block`]: what training makes
@@ -18,6 +19,7 @@ pub mod network;
 pub mod ops;
 pub mod predict;
 pub mod recipe;
+pub mod sample;
 pub mod shards;
 pub mod train;
 

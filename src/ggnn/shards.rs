@@ -16,7 +16,7 @@ use super::ops::rayleigh::{Quotient, rayleigh};
 use super::ops::real::add;
 use super::ops::sggc::Mixing;
 use super::ops::{Matrix, entries};
-use super::train::Sample;
+use super::sample::Sample;
 
 /// The shards of one training, as its coordinator sees them.
 pub struct Shards {

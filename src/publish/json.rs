@@ -5,31 +5,8 @@
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::report::{RunRecord, RunReport};
-use super::result::Spectrum;
-
-impl Spectrum {
-    /// The bytes of `spectrum.json`.
-    pub fn to_json(&self) -> Vec<u8> {
-        document(self)
-    }
-}
-
-impl RunRecord {
-    /// The bytes of `run.json`.
-    pub fn to_json(&self) -> Vec<u8> {
-        document(self)
-    }
-}
-
-impl RunReport {
-    /// The document of `chladni run --format json`.
-    pub fn to_json(&self) -> Vec<u8> {
-        document(self)
-    }
-}
-
-fn document(value: &impl Serialize) -> Vec<u8> {
+/// The bytes of a document.
+pub(super) fn document(value: &impl Serialize) -> Vec<u8> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .expect("the result types hold strings, numbers and lists, which JSON has");
     bytes.push(b'\n');

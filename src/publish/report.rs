@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::json::{null_is_nan, optional_hash};
+use super::json::{document, null_is_nan, optional_hash};
 use super::result::{Completeness, Eigenpair, Spectrum, Verdict};
 use crate::mesh::MeshHash;
 
@@ -33,6 +33,13 @@ pub struct RunRecord {
     /// From the first stage to the last.
     #[serde(deserialize_with = "null_is_nan")]
     pub seconds: f64,
+}
+
+impl RunRecord {
+    /// The bytes of `run.json`.
+    pub fn to_json(&self) -> Vec<u8> {
+        document(self)
+    }
 }
 
 /// One stage of the work on one mesh.
@@ -84,6 +91,11 @@ impl RunReport {
     /// The report of a run over these meshes.
     pub fn new(meshes: Vec<MeshReport>, seconds: f64) -> Self {
         Self { schema: RunReportSchema::V1, meshes, seconds }
+    }
+
+    /// The document of `chladni run --format json`.
+    pub fn to_json(&self) -> Vec<u8> {
+        document(self)
     }
 }
 

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::json::{hash, null_is_nan};
+use super::json::{document, hash, null_is_nan};
 use crate::mesh::{Area, Ingested, MeshHash, Repairs};
 use crate::spectrum::certificate::{self, PairCertificate};
 use crate::spectrum::mpgd;
@@ -38,6 +38,13 @@ pub struct Spectrum {
     pub repairs: RepairCounts,
     /// What made these numbers.
     pub provenance: Provenance,
+}
+
+impl Spectrum {
+    /// The bytes of `spectrum.json`.
+    pub fn to_json(&self) -> Vec<u8> {
+        document(self)
+    }
 }
 
 /// The outcome of a check against the tolerances of the pipeline.

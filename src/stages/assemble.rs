@@ -10,7 +10,7 @@ use super::ingest::Loaded;
 use super::remesh::Familied;
 use crate::ggnn::features::coordinates;
 use crate::ggnn::predict::NetworkInput;
-use crate::ggnn::train::Member;
+use crate::ggnn::sample::Member;
 use crate::mesh::TriMesh;
 use crate::operators::Operators;
 use crate::spectrum::Dense;

@@ -14,7 +14,8 @@ use super::context::{Context, Work};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::predict::predict_next;
-use crate::ggnn::train::{Observer, Sample, TrainError, train_block};
+use crate::ggnn::sample::Sample;
+use crate::ggnn::train::{Observer, TrainError, train_block};
 use crate::spectrum::Dense;
 use crate::store::Digest;
 
