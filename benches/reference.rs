@@ -5,7 +5,7 @@ use std::hint::black_box;
 
 use chladni::mesh::{load, sample::icosphere};
 use chladni::operators::{MassKind, Operators};
-use chladni::spectrum::mpgd::{self, Stopping};
+use chladni::spectrum::mpgd::{self, Direction, Stopping};
 use chladni::spectrum::nullspace::nullspace;
 use chladni::spectrum::{Eigenpairs, Pencil, factor::Analysis, fem, inertia};
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -40,9 +40,16 @@ fn spot(c: &mut Criterion) {
     let stopping = Stopping { tolerance: 1e-6, max_iterations: 20_000 };
     let mut group = c.benchmark_group("spot, 829 vertices");
     group.sample_size(10);
-    group.bench_function("M-PGD, 8 eigenpairs", |b| {
-        b.iter(|| mpgd::lowest(pencil, &constant, 8, stopping, 1, &|| false));
-    });
+    let analysis = Analysis::new(pencil).expect("spot is well conditioned");
+    let factor = analysis.cholesky(1.0 / pencil.area()).expect("spot is well conditioned");
+    for (name, direction) in [
+        ("M-PGD, 8 eigenpairs, gradient", Direction::Gradient),
+        ("M-PGD, 8 eigenpairs, preconditioned", Direction::Preconditioned(&factor)),
+    ] {
+        group.bench_function(name, |b| {
+            b.iter(|| mpgd::lowest(pencil, &constant, 8, direction, stopping, 1, &|| false));
+        });
+    }
     group.bench_function("reference, 8 eigenpairs", |b| {
         b.iter(|| fem::lowest(pencil, &Analysis::new(pencil)?, 8));
     });

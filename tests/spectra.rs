@@ -4,7 +4,7 @@ use chladni::mesh::{TriMesh, load, sample::icosphere};
 use chladni::operators::{MassKind, Operators};
 use chladni::spectrum::certificate::{References, certify, reference_past_gap};
 use chladni::spectrum::factor::Analysis;
-use chladni::spectrum::mpgd::{self, Stopping};
+use chladni::spectrum::mpgd::{self, Direction, Stopping};
 use chladni::spectrum::{Dense, Eigenpairs, Pencil, fem};
 
 fn lowest(mesh: &TriMesh, kind: MassKind, count: usize) -> Eigenpairs {
@@ -70,7 +70,8 @@ fn certificate(change: impl Fn(&Eigenpairs) -> Dense) -> chladni::spectrum::Cert
     let analysis = Analysis::new(pencil).unwrap();
     let fem = reference_past_gap(pencil, &analysis, 9).unwrap();
     let stopping = Stopping { tolerance: 1e-6, max_iterations: 20_000 };
-    let (mpgd, mpgd_runs) = mpgd::lowest(pencil, &fem.truncated(1), 9, stopping, 3, &|| false);
+    let (mpgd, mpgd_runs) =
+        mpgd::lowest(pencil, &fem.truncated(1), 9, Direction::Gradient, stopping, 3, &|| false);
     let vectors = change(&fem);
     certify(pencil, &analysis, &vectors, &References { fem, mpgd, mpgd_runs }).unwrap()
 }

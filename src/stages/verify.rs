@@ -10,9 +10,10 @@ use super::train::InTraining;
 use super::verdict::{Judgement, judge};
 use crate::ggnn::predict::predict_all;
 use crate::mesh::topology::component_labels;
+use crate::pipeline::MpgdDirection;
 use crate::spectrum::certificate::{References, certify, cluster_end, reference_past_gap};
 use crate::spectrum::factor::Analysis;
-use crate::spectrum::mpgd::{self, StoppedBy};
+use crate::spectrum::mpgd::{self, Direction, StoppedBy};
 use crate::spectrum::nullspace::nullspace;
 use crate::spectrum::{Certificate, Dense, Eigenpairs, Pencil};
 use crate::store::Digest;
@@ -110,7 +111,8 @@ fn references(
     let operators: &Digest = &trained.assembled.operators_digest;
     let work = Work::<ReferenceArtifact>::of_stage()
         .param("k", k.to_string())
-        .param("mpgd", serde_json::to_vec(&verify.stopping()).unwrap_or_default())
+        .param("mpgd stopping", serde_json::to_vec(&verify.stopping()).unwrap_or_default())
+        .param("mpgd direction", serde_json::to_vec(&verify.mpgd_direction).unwrap_or_default())
         .input("mesh", &trained.assembled.loaded.digest())
         .input("operators", operators)
         .seeded(verify.mpgd_seed, "f64");
@@ -123,8 +125,14 @@ fn references(
         let cancelled = || context.cancel.is_cancelled();
         // A cluster that K cuts is compared as a whole.
         let count = cluster_end(&fem.values, k);
+        let factor = analysis.cholesky(1.0 / pencil.area())?;
+        let direction = match verify.mpgd_direction {
+            MpgdDirection::Gradient => Direction::Gradient,
+            MpgdDirection::Preconditioned => Direction::Preconditioned(&factor),
+        };
+        let (stopping, seed) = (verify.stopping(), verify.mpgd_seed);
         let (mpgd, mpgd_runs) =
-            mpgd::lowest(pencil, &known, count, verify.stopping(), verify.mpgd_seed, &cancelled);
+            mpgd::lowest(pencil, &known, count, direction, stopping, seed, &cancelled);
         if mpgd_runs.iter().any(|run| run.stopped_by == StoppedBy::Cancelled) {
             return Err(Failure::Interrupted);
         }
