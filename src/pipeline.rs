@@ -193,6 +193,16 @@ impl Default for Publish {
     }
 }
 
+/// Sizes beyond these are slips of the keyboard, and would be found out by running out of memory.
+const LARGEST: [(&str, usize); 6] = [
+    ("train.k", 10_000),
+    ("train.width", 8_192),
+    ("train.layers", 64),
+    ("train.iterations", 64),
+    ("train.shards", 256),
+    ("family.members", 10_000),
+];
+
 /// Why a pipeline cannot be run. Each message says where and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PipelineError {
@@ -240,16 +250,21 @@ impl Pipeline {
     pub fn parse(name: &str, text: &str, assignments: &[String]) -> Result<Self, PipelineError> {
         let malformed = |reason: String| PipelineError::Malformed {
             path: name.to_string(),
-            reason: reason.trim_end().to_string(),
+            reason: plain(&reason),
         };
         // Parsed as a pipeline first: the errors then carry line and column.
         toml::from_str::<Self>(text).map_err(|e| malformed(e.to_string()))?;
         let mut table: Table =
             text.parse().map_err(|e: toml::de::Error| malformed(e.to_string()))?;
+        refuse_unknown(name, &table, &known_keys())?;
         for argument in assignments {
             assign(&mut table, argument)?;
+            refuse_unknown("--set", &table, &known_keys())?;
+            table.clone().try_into::<Self>().map_err(|e| PipelineError::Malformed {
+                path: format!("--set {argument}"),
+                reason: plain(&e.to_string()),
+            })?;
         }
-        refuse_unknown(name, &table, &known_keys())?;
         let pipeline: Self = table.try_into().map_err(|e| malformed(e.to_string()))?;
         pipeline.check()?;
         Ok(pipeline)
@@ -273,6 +288,13 @@ impl Pipeline {
                     value: "0".into(),
                     rule: "must be at least 1",
                 });
+            }
+        }
+        let sizes = [k, width, self.train.layers, iterations, shards, self.family.members];
+        for ((key, largest), value) in LARGEST.into_iter().zip(sizes) {
+            if value > largest {
+                let rule = "is more than can be meant; lower it";
+                return Err(PipelineError::Value { key, value: value.to_string(), rule });
             }
         }
         if self.family.vertices < 4 {
@@ -305,6 +327,16 @@ impl Pipeline {
         }
         Ok(())
     }
+}
+
+/// A message of the parser in words that are not Rust's.
+fn plain(reason: &str) -> String {
+    reason
+        .trim_end()
+        .replace("expected usize", "expected a whole number")
+        .replace("expected u64", "expected a whole number")
+        .replace("expected f64", "expected a number")
+        .replace("expected a sequence", "expected a list")
 }
 
 /// Lays `section.key=value` over a table. The value is TOML, or else a plain string.
@@ -406,7 +438,7 @@ mod tests {
         );
         assert_eq!(
             message("", &["train.lambda_tolerance=1"]),
-            "p.toml: there is no option `train.lambda_tolerance`; did you mean `verify.lambda_tolerance`?"
+            "--set: there is no option `train.lambda_tolerance`; did you mean `verify.lambda_tolerance`?"
         );
         assert_eq!(message("[zzz]", &[]), "p.toml: there is no option `zzz`");
         assert!(message("[zzz]\nq = 1", &[]).starts_with("p.toml: there is no option `zzz.q`"));

@@ -4,6 +4,7 @@ mod common;
 
 use std::process::{Command, Output};
 
+use chladni::mesh::{TriMesh, sample::icosphere};
 use chladni::publish::report::Status;
 use common::{QUICK, Workspace, obj, text};
 
@@ -40,6 +41,11 @@ fn exit_2_for_usage_and_configuration() {
     };
     refused(&["--set", "train.width_=3"], "did you mean `train.width`?");
     refused(&["--set", "train.k=0"], "must be at least 1");
+    refused(
+        &["--set", "train.k=-1"],
+        "--set train.k=-1: invalid value: integer `-1`, expected a whole number",
+    );
+    refused(&["--set", "train.width=200000"], "lower it");
     refused(&["--jobs", "0"], "--jobs");
     refused(&["--no-such-flag"], "--no-such-flag");
     let folder = workspace.path("empty");
@@ -65,7 +71,7 @@ fn exit_2_when_another_run_holds_the_cache() {
 #[test]
 fn exit_3_and_the_others_go_on_when_a_mesh_is_broken() {
     let workspace = Workspace::new(QUICK);
-    let good = obj(&chladni::mesh::sample::icosphere(2));
+    let good = obj(&icosphere(2));
     workspace.write("meshes/a_nan.obj", &good.replacen("v ", "v nan ", 1));
     workspace.write("meshes/b_empty.obj", "");
     workspace.write("meshes/c_range.obj", &format!("{good}f 1 2 9999\n"));
@@ -84,12 +90,46 @@ fn exit_3_and_the_others_go_on_when_a_mesh_is_broken() {
 }
 
 #[test]
+fn several_components_have_one_constant_each_whatever_k() {
+    let workspace = Workspace::new(&QUICK.replace("vertices = 90", "vertices = 270"));
+    let sphere = icosphere(2);
+    let n = sphere.n() as u32;
+    let apart =
+        |i: u32| sphere.vertices().iter().map(move |&[x, y, z]| [x + f64::from(3 * i), y, z]);
+    let faces = |i: u32| sphere.faces().iter().map(move |face| face.map(|v| v + i * n));
+    let three = TriMesh::new((0..3).flat_map(apart).collect(), (0..3).flat_map(faces).collect());
+    workspace.write("meshes/sphere.obj", &obj(&three.unwrap()));
+    for (k, trained) in [(1, 0), (2, 0), (3, 0), (5, 2)] {
+        let (code, report) = workspace.report(&["--set", &format!("train.k={k}")]);
+        let mesh = &report.meshes[0];
+        assert_eq!((code, mesh.trained + mesh.reused), (0, trained), "K = {k}: {:?}", mesh.reason);
+        for (j, report) in mesh.eigenpairs.iter().enumerate() {
+            assert_eq!(report.pair.lambda.abs() < 1e-9, j < 3, "K = {k}: {report:?}");
+        }
+        assert!(mesh.completeness.as_ref().unwrap().complete);
+    }
+}
+
+#[test]
+fn a_mesh_that_breaks_does_not_keep_its_old_verdict() {
+    let workspace = Workspace::new(QUICK);
+    assert_eq!(workspace.report(&[]).0, 0);
+    let spectrum = workspace.path("out/sphere.obj/spectrum.json");
+    assert!(spectrum.exists() && workspace.path("out/sphere.obj/eigen.ply").exists());
+    assert_eq!(workspace.report(&["--set", "publish.ply=false"]).0, 0);
+    assert!(!workspace.path("out/sphere.obj/eigen.ply").exists());
+    workspace.write("meshes/sphere.obj", "v 0 0\n");
+    assert_eq!(workspace.report(&[]).0, 3);
+    assert!(!spectrum.exists());
+}
+
+#[test]
 fn fail_fast_stops_at_the_first_failure() {
     let workspace = Workspace::new(QUICK);
     workspace.write("meshes/a_broken.obj", "v 0 0\n");
     let (code, report) = workspace.report(&["--fail-fast", "--jobs", "1"]);
     assert_eq!(code, 3);
-    assert!(report.meshes[1].reason.as_deref().unwrap().contains("interrupted"));
+    assert!(report.meshes[1].reason.as_deref().unwrap().contains("--fail-fast"));
 }
 
 #[test]

@@ -23,16 +23,16 @@ pub struct Arguments {
 
 pub fn execute(command: &Command) -> Result<Exit, Refusal> {
     let Command::Stat(arguments) = command;
-    if !arguments.cache.dir.is_dir() {
+    if !Store::exists(&arguments.cache.dir) {
         return Err(Refusal::usage(format!(
-            "{}: there is no such folder; give the folder of a cache with --cache or CHLADNI_CACHE",
+            "{}: there is no cache; give the folder of a cache with --cache or CHLADNI_CACHE",
             arguments.cache.dir.display()
         )));
     }
     let stat = Store::open(&arguments.cache.dir).and_then(|store| store.stat()).map_err(refusal)?;
     match arguments.format {
         Format::Json => print_json(&stat)?,
-        Format::Human => print(&text(&arguments.cache.dir.display().to_string(), &stat)),
+        Format::Human => print(&text(&arguments.cache.dir.display().to_string(), &stat))?,
     }
     Ok(Exit::Success)
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::exit::Exit;
 use super::{Format, Refusal, print, print_json};
 use crate::mesh::{self, Ingested, Repairs};
+use crate::publish::table::six_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -51,7 +52,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let info = describe(arguments.mesh.display().to_string(), &ingested);
     match arguments.format {
         Format::Json => print_json(&info)?,
-        Format::Human => print(&text(&info)),
+        Format::Human => print(&text(&info))?,
     }
     Ok(Exit::Success)
 }
@@ -109,9 +110,9 @@ fn text(info: &Info<'_>) -> String {
             info.euler
         ),
     );
-    line("area", format!("{:.6}", info.area));
+    line("area", six_digits(info.area));
     let [low, high] = info.bounds;
-    let side = |c: usize| format!("[{:.4}, {:.4}]", low[c], high[c]);
+    let side = |c: usize| format!("[{}, {}]", six_digits(low[c]), six_digits(high[c]));
     line("bounds", format!("{} × {} × {}", side(0), side(1), side(2)));
     for (count, what, meaning) in [
         (

@@ -9,8 +9,8 @@ use tracing_subscriber::filter::EnvFilter;
 use tracing_subscriber::fmt;
 use tracing_subscriber::prelude::*;
 
-/// Warnings, unless `RUST_LOG` says otherwise.
-const DEFAULT: &str = "warn";
+/// Our warnings (the store tells what became of the database), unless `RUST_LOG` says otherwise.
+const DEFAULT: &str = "warn,sled=off";
 
 /// Starts logging. Bars are shown on a terminal only.
 pub fn start() {
@@ -18,7 +18,7 @@ pub fn start() {
     let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let registry = tracing_subscriber::registry();
     if stderr().is_terminal() {
-        let style = ProgressStyle::with_template("{msg:<40} {bar:30} {pos:>4}/{len} {elapsed}")
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {elapsed}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         let bars = IndicatifLayer::new().with_progress_style(style);
         let lines = fmt::layer()

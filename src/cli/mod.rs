@@ -98,13 +98,18 @@ impl Refusal {
 }
 
 /// Prints to stdout. A reader that has gone away (`| head`) is no error.
-fn print(text: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout().lock(), "{}", text.trim_end());
+fn print(text: &str) -> Result<(), Refusal> {
+    use std::io::{ErrorKind, Write};
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Refusal::Internal(format!("the result could not be printed: {error}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Prints a JSON document.
 fn print_json(document: &impl serde::Serialize) -> Result<(), Refusal> {
-    print(&serde_json::to_string_pretty(document).map_err(Refusal::internal)?);
-    Ok(())
+    print(&serde_json::to_string_pretty(document).map_err(Refusal::internal)?)
 }

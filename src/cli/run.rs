@@ -17,11 +17,12 @@ use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::store::Store;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = super::exit::HELP)]
 pub struct Arguments {
     /// The pipeline file
     pipeline: PathBuf,
     /// Meshes or folders, in place of the pipeline's own
-    #[arg(long, value_name = "PATH", num_args = 1..)]
+    #[arg(long, value_name = "PATH")]
     input: Vec<PathBuf>,
     /// Where results go: one folder a mesh
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -84,23 +85,22 @@ fn start(
         .enable_all()
         .build()
         .map_err(Refusal::internal)?;
-    let (ended, interrupted) = runtime.block_on(async {
-        let signals = tokio::spawn(stop_on_signals(cancel));
-        let ended = run(request).await;
-        (ended, signals.is_finished())
+    let ended = runtime.block_on(async {
+        tokio::spawn(stop_on_signals(cancel.clone()));
+        run(request).await
     });
     // The tasks are done; what is left waits for signals that no longer matter.
     runtime.shutdown_background();
     let Ended { report, defect } = ended.map_err(Refusal::internal)?;
     match arguments.format {
         Format::Json => print_json(&report)?,
-        Format::Human => print(&run_table(&report)),
+        Format::Human => print(&run_table(&report))?,
     }
     let exits = report.meshes.iter().map(exit_of);
     Ok(Exit::gravest(
         exits
             .chain(defect.then_some(Exit::Internal))
-            .chain(interrupted.then_some(Exit::Interrupted)),
+            .chain(cancel.is_cancelled().then_some(Exit::Interrupted)),
     ))
 }
 
@@ -112,36 +112,49 @@ fn exit_of(mesh: &MeshReport) -> Exit {
     }
 }
 
-/// The first SIGINT or SIGTERM stops the run, keeping what is finished; the second ends the process. Finishes
-/// with the first.
+/// The first SIGINT or SIGTERM stops the run, keeping what is finished; the second ends the process.
 async fn stop_on_signals(cancel: CancellationToken) {
-    wait_for_signal().await;
-    eprintln!("stopping: what is finished is kept; once more to stop at once");
+    let mut signals = Signals::listen();
+    signals.next().await;
+    tracing::warn!("stopping: what is finished is kept; once more to stop at once");
     cancel.cancel();
-    tokio::spawn(async {
-        wait_for_signal().await;
-        std::process::exit(i32::from(Exit::Interrupted.code()));
-    });
+    signals.next().await;
+    std::process::exit(i32::from(Exit::Interrupted.code()));
 }
 
 #[cfg(unix)]
-async fn wait_for_signal() {
-    use tokio::signal::unix::{SignalKind, signal};
-    match (signal(SignalKind::interrupt()), signal(SignalKind::terminate())) {
-        (Ok(mut interrupt), Ok(mut terminate)) => {
-            tokio::select! {
-                _ = interrupt.recv() => {}
-                _ = terminate.recv() => {}
-            }
-        }
-        // Without handlers a signal ends the process, and the store survives that too.
-        _ => std::future::pending().await,
+struct Signals(Vec<tokio::signal::unix::Signal>);
+
+#[cfg(unix)]
+impl Signals {
+    /// Listens from now on; a signal that cannot be listened to ends the process, and the store survives that too.
+    fn listen() -> Self {
+        use tokio::signal::unix::{SignalKind, signal};
+        let kinds = [SignalKind::interrupt(), SignalKind::terminate()];
+        Self(kinds.into_iter().filter_map(|kind| signal(kind).ok()).collect())
+    }
+
+    async fn next(&mut self) {
+        std::future::poll_fn(|context| {
+            let heard = self.0.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
+            if heard { std::task::Poll::Ready(()) } else { std::task::Poll::Pending }
+        })
+        .await;
     }
 }
 
 #[cfg(not(unix))]
-async fn wait_for_signal() {
-    if tokio::signal::ctrl_c().await.is_err() {
-        std::future::pending::<()>().await;
+struct Signals;
+
+#[cfg(not(unix))]
+impl Signals {
+    fn listen() -> Self {
+        Self
+    }
+
+    async fn next(&mut self) {
+        if tokio::signal::ctrl_c().await.is_err() {
+            std::future::pending::<()>().await;
+        }
     }
 }

@@ -6,6 +6,7 @@
 //! # Ok::<(), chladni::mesh::MeshError>(())
 //! ```
 
+use std::io;
 use std::path::Path;
 
 use super::error::{Failure, Fault, MeshError};
@@ -38,7 +39,13 @@ pub struct Ingested {
 /// # Errors
 /// When the file cannot be read, is no mesh, or has nothing that repair can keep: see [`Fault`].
 pub fn load(path: &Path) -> Result<Ingested, MeshError> {
-    let bytes = std::fs::read(path)
+    // A pipe or a device would be read for ever.
+    let regular = || match path.metadata() {
+        Ok(metadata) if !metadata.is_file() => Err(io::Error::other("it is not a regular file")),
+        _ => Ok(()),
+    };
+    let bytes = regular()
+        .and_then(|()| std::fs::read(path))
         .map_err(|error| Failure::from(Fault::Unreadable(error)).in_file(path))?;
     load_bytes(path, &bytes)
 }

@@ -50,6 +50,19 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), PublishError> {
         .map_err(|source| PublishError::File { path: path.to_owned(), source })
 }
 
+/// Makes sure that there is no file at `path`.
+///
+/// # Errors
+/// When the system refuses.
+pub fn remove(path: &Path) -> Result<(), PublishError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(PublishError::File { path: path.to_owned(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// As [`write()`], but leaves a file alone that holds these bytes already, so that it keeps its time stamp.
 ///
 /// # Errors

@@ -1,8 +1,8 @@
 //! A run for the terminal: one block a mesh, then one line for all.
 //!
 //! Numbers are rounded for reading; the documents hold all digits. λ stands with six digits and reads 0 where it is
-//! zero to working precision; the angle is the one to the reference (FEM) cluster; "–" means not measured. The text
-//! has no colours and ends with a newline.
+//! zero to working precision; the angle, in radians, is the one to the reference (FEM) cluster; "s" are seconds; "–"
+//! means not measured. Up to 80 columns fit. The text has no colours and ends with a newline.
 
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, LineStyle, Table};
@@ -22,11 +22,11 @@ const COLUMNS: [(&str, CellAlignment); 9] = [
     ("λ", CellAlignment::Right),
     ("λ M-PGD", CellAlignment::Right),
     ("λ FEM", CellAlignment::Right),
-    ("angle (rad)", CellAlignment::Right),
+    ("angle", CellAlignment::Right),
     ("ρ", CellAlignment::Right),
     ("verdict", CellAlignment::Left),
     ("source", CellAlignment::Left),
-    ("seconds", CellAlignment::Right),
+    ("s", CellAlignment::Right),
 ];
 
 /// The text of a run.
@@ -51,11 +51,14 @@ fn block(mesh: &MeshReport) -> String {
         lines.push(pairs(&mesh.eigenpairs));
         if mesh.eigenpairs.iter().any(mpgd_fell_short) {
             lines.push(
-                "* M-PGD took all its steps, or was interrupted, before its tolerance was met"
+                "* M-PGD has not converged there, or not for a pair before; its opinion does not count"
                     .to_owned(),
             );
         }
         lines.extend(mesh.completeness.as_ref().map(completeness));
+        lines.extend(
+            mesh.reason.as_deref().map(|reason| format!("unverified: {}", printable(reason))),
+        );
         lines.push(format!(
             "{} trained, {} reused; {}",
             mesh.trained,
@@ -100,12 +103,13 @@ fn pairs(pairs: &[PairReport]) -> String {
             two_digits(pair.angle_fem),
             two_digits(pair.rho),
             pair.verdict.name().to_owned(),
-            format!("{}{}", pair.source.name(), if report.cached { ", reused" } else { "" }),
+            if report.cached { "reused" } else { pair.source.name() }.to_owned(),
             measured(report.seconds, |seconds| format!("{seconds:.2}")),
         ]);
     }
     for (column, (_, alignment)) in table.column_iter_mut().zip(COLUMNS) {
         column.set_cell_alignment(alignment);
+        column.set_padding((0, 1));
     }
     table.trim_fmt()
 }
@@ -158,7 +162,7 @@ fn duration(seconds: f64) -> String {
 }
 
 /// Six significant digits, with an exponent where the number is far from 1.
-fn six_digits(value: f64) -> String {
+pub fn six_digits(value: f64) -> String {
     measured(value, |value| {
         let exponent = value.abs().log10().floor();
         match exponent {

@@ -29,6 +29,13 @@ impl Default for FamilyRecipe {
     }
 }
 
+impl FamilyRecipe {
+    /// About how many vertices a variant of a mesh with `n` of them has.
+    pub fn vertices_of(&self, n: usize) -> usize {
+        self.vertices.min((LARGEST_SHARE * n as f64) as usize)
+    }
+}
+
 /// The meshes that one model is trained on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Family {
@@ -41,14 +48,17 @@ pub struct Family {
 pub enum FamilyError {
     /// No draw kept components, boundary loops and Euler characteristic with triangles of some thickness.
     #[error(
-        "none of {draws} simplifications to {vertices} vertices kept the topology of the mesh without \
-         collapsed triangles; raise family.vertices, or set family.members = 1 to train on the mesh alone"
+        "none of {draws} simplifications to {vertices} vertices and more kept the topology of the mesh without \
+         collapsed triangles; set family.members = 1 to train on the mesh alone"
     )]
     Topology { draws: usize, vertices: usize },
 }
 
 /// Draws before a member is given up.
-const DRAWS: usize = 20;
+const DRAWS: usize = 32;
+
+/// Draws before they become gentler, and again after as many more.
+const DRAWS_AS_ASKED: usize = 8;
 
 /// A member has at most this share of the mesh's vertices.
 const LARGEST_SHARE: f64 = 0.75;
@@ -60,7 +70,8 @@ const THINNEST: f64 = 1e-3;
 impl Family {
     /// Makes the family of `mesh`.
     ///
-    /// Every member has its own random stream, so that member i does not depend on how many others there are.
+    /// Every member has its own random stream, so that member i does not depend on how many others there are. Draws
+    /// that fail are followed by gentler ones: less jitter, more vertices.
     ///
     /// # Errors
     /// [`FamilyError::Topology`] when no draw for some member keeps the topology.
@@ -68,7 +79,7 @@ impl Family {
         if recipe.members <= 1 {
             return Ok(Self { members: vec![mesh.clone()] });
         }
-        let vertices = recipe.vertices.min((LARGEST_SHARE * mesh.n() as f64) as usize);
+        let vertices = recipe.vertices_of(mesh.n());
         let wanted = kind(mesh);
         let thin = THINNEST.min(0.1 * thinnest(mesh));
         let members = (0..recipe.members as u64)
@@ -76,7 +87,14 @@ impl Family {
                 let mut rng = ChaCha8Rng::seed_from_u64(recipe.seed);
                 rng.set_stream(member);
                 (0..DRAWS)
-                    .filter_map(|_| simplify(mesh, vertices, recipe.jitter, &mut rng).ok())
+                    .filter_map(|draw| {
+                        // 0 for the first draws, then 1, 2, …
+                        let gentler = (draw / DRAWS_AS_ASKED) as i32;
+                        let kept = 1.0 - 0.5_f64.powi(gentler);
+                        let vertices = vertices + (kept * (mesh.n() - vertices) as f64) as usize;
+                        let jitter = recipe.jitter * 0.25_f64.powi(gentler);
+                        simplify(mesh, vertices, jitter, &mut rng).ok()
+                    })
                     .find(|variant| kind(variant) == wanted && thinnest(variant) >= thin)
                     .ok_or(FamilyError::Topology { draws: DRAWS, vertices })
             })

@@ -1,11 +1,11 @@
-//! What was checked of a set of eigenpairs: see "Trust" in the documentation.
+//! What was checked of a set of eigenpairs; each measure is explained at its field.
 //!
 //! Nothing here decides; [`Certificate`] only measures. The verdict against a pipeline's tolerances is taken by
 //! the caller.
 
 use std::ops::Range;
 
-use super::cluster::{CLUSTER_GAP, clusters};
+use super::cluster::{CLUSTER_GAP, clusters, zero_below};
 use super::factor::Analysis;
 use super::inertia::count_below;
 use super::pencil::{column, column_mut, combine, inner, product, projection};
@@ -75,8 +75,8 @@ pub struct References {
 
 impl References {
     /// The clusters of the reference spectrum; the last one may be cut off by where the computation ended.
-    fn clusters(&self) -> Vec<Range<usize>> {
-        clusters(&self.fem.values, CLUSTER_GAP)
+    pub fn clusters(&self, area: f64) -> Vec<Range<usize>> {
+        clusters(&self.fem.values, CLUSTER_GAP, zero_below(area))
     }
 
     /// How M-PGD went for pair `j`.
@@ -87,8 +87,8 @@ impl References {
 }
 
 /// Where the cluster of pair K ends, in a reference spectrum that reaches past it.
-pub fn cluster_end(values: &[f64], k: usize) -> usize {
-    let runs = clusters(values, CLUSTER_GAP);
+pub fn cluster_end(values: &[f64], k: usize, area: f64) -> usize {
+    let runs = clusters(values, CLUSTER_GAP, zero_below(area));
     runs.into_iter().find(|run| run.contains(&(k - 1))).map_or(k, |run| run.end)
 }
 
@@ -108,7 +108,7 @@ pub fn reference_past_gap(
     let mut count = (k + 2).min(n);
     loop {
         let pairs = super::fem::lowest(pencil, analysis, count)?;
-        let end = cluster_end(&pairs.values, k);
+        let end = cluster_end(&pairs.values, k, pencil.area());
         if end < count || count == n {
             return Ok(pairs.truncated((end + 1).min(count)));
         }
@@ -131,11 +131,11 @@ pub fn certify(
     let gram = inner(vectors, &bx);
     let thetas: Vec<f64> =
         (0..k).map(|j| dot(column(vectors, j), column(&lx, j)) / gram[(j, j)]).collect();
-    let runs = references.clusters();
-    let lambda2 = references.fem.values.iter().copied().find(|&v| v > tiny(references));
+    let runs = references.clusters(pencil.area());
+    let lambda2 = references.fem.values.iter().copied().find(|&v| v > zero_below(pencil.area()));
     let angles = |reference: &Eigenpairs| cluster_angles(pencil.mass, vectors, reference, &runs);
     let (angles_fem, angles_mpgd) = (angles(&references.fem), angles(&references.mpgd));
-    let mass_solver = MassSolver::new(pencil)?;
+    let mass_solver = MassSolver::new(pencil);
     let pairs = (0..k)
         .map(|j| {
             let residual =
@@ -219,15 +219,15 @@ fn energy_residual(
     Ok((square.max(0.0) / (theta + mu)).sqrt())
 }
 
-/// B⁻¹ norms: a division for a diagonal B, a factorisation otherwise.
+/// B⁻¹ norms: a division for a diagonal B, conjugate gradients otherwise.
 struct MassSolver<'a> {
     mass: &'a Sparse,
     lumped: bool,
 }
 
 impl<'a> MassSolver<'a> {
-    fn new(pencil: Pencil<'a>) -> Result<Self, SpectrumError> {
-        Ok(Self { mass: pencil.mass, lumped: pencil.mass.nnz() == pencil.n() })
+    fn new(pencil: Pencil<'a>) -> Self {
+        Self { mass: pencil.mass, lumped: pencil.mass.nnz() == pencil.n() }
     }
 
     fn inverse_norm(&self, r: &Dense) -> f64 {
@@ -295,16 +295,11 @@ fn completeness(
         let below =
             if run.start == 0 { Some(0) } else { count_below(analysis, gap_above(run.start))? };
         let found_under = if run.start == 0 { 0 } else { found_below(gap_above(run.start)) };
-        found == k && below == Some(found_under)
+        found == k && count.is_some() && below == Some(found_under)
     } else {
         count == Some(found)
     };
     Ok(Completeness { sigma, count, found, complete, cut_cluster })
-}
-
-/// Below this an eigenvalue counts as zero.
-fn tiny(references: &References) -> f64 {
-    1e-9 * references.fem.values.last().copied().unwrap_or(0.0).abs()
 }
 
 fn dot(x: &[f64], y: &[f64]) -> f64 {

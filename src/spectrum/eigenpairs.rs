@@ -42,8 +42,9 @@ impl Eigenpairs {
     /// Inside a numerical cluster the basis is the one of a pivoted QR of the rows: the first vector is the
     /// cluster's projection of the vertex where the cluster is largest, the second that of the vertex where the
     /// rest is largest, and so on. Then every vector gets the sign of [`orient`].
-    pub fn canonical(mut self) -> Self {
-        for run in clusters(&self.values, NUMERICAL_CLUSTER) {
+    /// `zero` is the bound below which an eigenvalue counts as zero.
+    pub fn canonical(mut self, zero: f64) -> Self {
+        for run in clusters(&self.values, NUMERICAL_CLUSTER, zero) {
             if run.len() > 1 {
                 let block = self.vectors.subcols(run.start, run.len()).to_owned();
                 let rotated = combine(&block, &pivoted_basis(&block));
@@ -126,8 +127,8 @@ mod tests {
         let (s, c) = 0.7_f64.sin_cos();
         let turn = Dense::from_fn(2, 2, |i, j| [[c, -s], [s, c]][i][j]);
         let pairs = |vectors| Eigenpairs { values: vec![3.0, 3.0], vectors };
-        let a = pairs(qr.clone()).canonical();
-        let b = pairs(combine(&qr, &turn)).canonical();
+        let a = pairs(qr.clone()).canonical(1e-7);
+        let b = pairs(combine(&qr, &turn)).canonical(1e-7);
         for i in 0..n {
             for j in 0..2 {
                 assert!((a.vectors[(i, j)] - b.vectors[(i, j)]).abs() < 1e-12);

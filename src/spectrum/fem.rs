@@ -7,6 +7,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::cluster::zero_below;
 use super::factor::{Analysis, Cholesky};
 use super::pencil::{combine, inner, product, project_out};
 use super::rayleigh_ritz::{ritz_pairs, symmetric_eigen};
@@ -60,7 +61,7 @@ fn refine(
     let coefficients = ritz.coefficients.subcols(0, count).to_owned();
     let pairs =
         Eigenpairs { values: ritz.values[..count].to_vec(), vectors: combine(&x, &coefficients) };
-    Ok(pairs.canonical())
+    Ok(pairs.canonical(zero_below(pencil.area())))
 }
 
 /// A B-orthonormal Krylov basis V of (L + μB)⁻¹B with its projection T = VᵀB(L + μB)⁻¹BV.
@@ -274,7 +275,7 @@ mod tests {
     fn every_eigenvalue_of_a_small_mesh() {
         // The icosahedron's vertices: 0, and multiplicities 3, 5, 3 from its symmetry.
         let pairs = solve(0, MassKind::Lumped, 12);
-        let runs = super::super::cluster::clusters(&pairs.values, 1e-6);
+        let runs = super::super::cluster::clusters(&pairs.values, 1e-6, 1e-7);
         assert_eq!(runs.iter().map(ExactSizeIterator::len).collect::<Vec<_>>(), [1, 3, 5, 3]);
     }
 }

@@ -8,17 +8,19 @@ const ROBUSTNESS: f64 = 1e-6;
 
 /// Counts the eigenvalues of (8) below σ: the negative pivots of an unregularised LDLᵀ of L − σB.
 ///
-/// Returns `None` when the counts at σ(1 ± 1e-6) differ, that is, when σ sits on an eigenvalue and the count
-/// cannot be trusted.
+/// Returns `None` when the count cannot be trusted: when those at σ(1 ± 1e-6) differ, that is, σ sits on an
+/// eigenvalue, or when a pivot vanishes, which says something of a leading minor and nothing of the mesh.
 ///
 /// # Errors
-/// [`SpectrumError::Breakdown`] when a pivot vanishes.
+/// [`SpectrumError::OutOfMemory`].
 pub fn count_below(analysis: &Analysis<'_>, sigma: f64) -> Result<Option<usize>, SpectrumError> {
-    let count = |sigma: f64| -> Result<usize, SpectrumError> {
-        Ok(analysis.ldlt_diagonal(sigma)?.iter().filter(|&&d| d < 0.0).count())
+    let count = |sigma: f64| match analysis.ldlt_diagonal(sigma) {
+        Ok(diagonal) => Ok(Some(diagonal.iter().filter(|&&d| d < 0.0).count())),
+        Err(SpectrumError::Breakdown { .. }) => Ok(None),
+        Err(error) => Err(error),
     };
     let (below, above) = (count(sigma * (1.0 - ROBUSTNESS))?, count(sigma * (1.0 + ROBUSTNESS))?);
-    Ok((below == above).then_some(below))
+    Ok(below.filter(|_| below == above))
 }
 
 #[cfg(test)]

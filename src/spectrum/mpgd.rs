@@ -17,6 +17,9 @@ use super::{Dense, Eigenpairs, Pencil};
 /// Steps between a look at cancellation and a correction of rounding.
 const CHECK_EVERY: usize = 64;
 
+/// The relative residual above which a point is no eigenvector, however small the step there.
+const SETTLED: f64 = 0.05;
+
 /// When the inner iteration stops: (22).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Stopping {
@@ -49,10 +52,13 @@ impl Direction<'_> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StoppedBy {
-    /// The relative change fell below Tol.
+    /// The relative change fell below Tol, at a point where the residual is small too.
     Tolerance,
     /// N_its steps were taken.
     Count,
+    /// As `Tolerance`, but an earlier pair that this one was kept away from had not converged: it may rest
+    /// anywhere.
+    AfterUnconverged,
     /// The caller asked to stop.
     Cancelled,
 }
@@ -64,6 +70,8 @@ pub struct Run {
     pub iterations: usize,
     /// The relative change of the last step.
     pub change: f64,
+    /// ‖Lt − R(t)Bt‖ in the norm of diag(B)⁻¹, relative to R(t).
+    pub residual: f64,
     /// Why it ended.
     pub stopped_by: StoppedBy,
 }
@@ -92,7 +100,11 @@ pub fn lowest(
     let mut runs = Vec::new();
     while values.len() < count {
         let start: Vec<f64> = (0..n).map(|_| rng.random_range(-1.0..1.0)).collect();
-        let (mut t, run) = descend(pencil, &constraint, direction, start, stopping, cancelled);
+        let (mut t, mut run) = descend(pencil, &constraint, direction, start, stopping, cancelled);
+        let shaken = runs.iter().any(|earlier: &Run| earlier.stopped_by != StoppedBy::Tolerance);
+        if shaken && run.stopped_by == StoppedBy::Tolerance {
+            run.stopped_by = StoppedBy::AfterUnconverged;
+        }
         orient(&mut t);
         values.push(pencil.rayleigh_quotient(&t));
         constraint.push(&t);
@@ -120,7 +132,10 @@ fn descend(
     let [mut lt, mut bt, mut d, mut ld, mut bd] = std::array::from_fn(|_| vec![0.0; n]);
     apply(pencil.stiffness, &t, &mut lt);
     apply(pencil.mass, &t, &mut bt);
-    let mut run = Run { iterations: 0, change: f64::INFINITY, stopped_by: StoppedBy::Count };
+    let diagonal: Vec<f64> =
+        pencil.mass.diag_iter().map(|b| b.copied().unwrap_or(f64::NAN)).collect();
+    let (change, residual) = (f64::INFINITY, f64::INFINITY);
+    let mut run = Run { iterations: 0, change, residual, stopped_by: StoppedBy::Count };
     while run.iterations < stopping.max_iterations {
         if run.iterations > 0 && run.iterations.is_multiple_of(CHECK_EVERY) {
             if cancelled() {
@@ -139,6 +154,13 @@ fn descend(
         for (d, (l, b)) in d.iter_mut().zip(lt.iter().zip(&bt)) {
             *d = l - quotient * b;
         }
+        let square: f64 = d.iter().zip(&diagonal).map(|(r, b)| r * r / b).sum();
+        run.residual = (square / tbt).sqrt() / quotient;
+        // A small step alone may only mean that stiff triangles force small steps.
+        if run.change < stopping.tolerance && run.residual < SETTLED {
+            run.stopped_by = StoppedBy::Tolerance;
+            break;
+        }
         direction.precondition(&mut d);
         constraint.project(&mut d);
         apply(pencil.stiffness, &d, &mut ld);
@@ -147,7 +169,9 @@ fn descend(
             exact_step([tlt, dot(&t, &ld), dot(&d, &ld)], [tbt, dot(&t, &bd), dot(&d, &bd)])
         else {
             run.change = 0.0;
-            run.stopped_by = StoppedBy::Tolerance;
+            if run.residual < SETTLED {
+                run.stopped_by = StoppedBy::Tolerance;
+            }
             break;
         };
         run.change = alpha.abs() * (dot(&d, &d) / dot(&t, &t)).sqrt();
@@ -155,10 +179,6 @@ fn descend(
             x.iter_mut().zip(y).for_each(|(x, y)| *x -= alpha * y);
         }
         run.iterations += 1;
-        if run.change < stopping.tolerance {
-            run.stopped_by = StoppedBy::Tolerance;
-            break;
-        }
     }
     constraint.project(&mut t);
     normalise(&mut t, pencil.mass);

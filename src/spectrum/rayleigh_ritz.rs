@@ -7,6 +7,9 @@ use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Par, linalg::matmul::matmul};
 
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
 use super::Dense;
 use super::pencil::{column, column_mut};
 
@@ -101,12 +104,16 @@ pub fn lowest_ridge_pair(a: &Dense, m: &Dense, ridge: f64) -> Option<(f64, Vec<f
 const LANCZOS_RESIDUAL: f64 = 1e-9;
 
 /// The largest eigenvalue of a symmetric positive semi-definite matrix, m×m, and its unit vector, m×1, by Lanczos
-/// with full reorthogonalisation: after m steps it is exact.
+/// with full reorthogonalisation: exact after as many steps as there are different eigenvalues. The start vector is
+/// a fixed random one, which no eigenvector of a matrix from elsewhere is orthogonal to.
 fn largest_pair(a: &Dense) -> Option<(f64, Dense)> {
     let n = a.nrows();
     let mut basis = Dense::zeros(n, n);
     let mut tridiagonal = Dense::zeros(n, n);
-    let mut next = Dense::from_fn(n, 1, |_, _| (n as f64).sqrt().recip());
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut next = Dense::from_fn(n, 1, |_, _| rng.random_range(-1.0..1.0));
+    let length = next.norm_l2();
+    column_mut(&mut next, 0).iter_mut().for_each(|v| *v /= length);
     let mut overlaps = Dense::zeros(n, 1);
     let mut check_at = 16;
     for step in 0..n {
@@ -217,5 +224,14 @@ mod tests {
         let pairs = ritz_pairs(&Dense::identity(3, 3), &m, 1e-12);
         assert_eq!(pairs.values.len(), 1);
         assert!((pairs.values[0] - 1.0 / 3.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_ridge_pair_of_a_matrix_whose_top_vector_alternates() {
+        // M = [[2, −1], [−1, 2]] has 3 with (1, −1); a start of ones would never see it.
+        let m = Dense::from_fn(2, 2, |i, j| if i == j { 2.0 } else { -1.0 });
+        let (quotient, weights) = lowest_ridge_pair(&Dense::identity(2, 2), &m, 1e-15).unwrap();
+        assert!((quotient - 1.0 / 3.0).abs() < 1e-12);
+        assert!((weights[0] + weights[1]).abs() < 1e-12);
     }
 }

@@ -211,8 +211,12 @@ pub struct ReferenceArtifact {
     runs: Vec<RunParts>,
 }
 
-/// iterations, last change, whether by tolerance.
-type RunParts = (u64, f64, bool);
+/// iterations, last change, residual, what stopped it.
+type RunParts = (u64, f64, f64, u8);
+
+/// In the order of their codes.
+const STOPPED_BY: [StoppedBy; 4] =
+    [StoppedBy::Tolerance, StoppedBy::Count, StoppedBy::AfterUnconverged, StoppedBy::Cancelled];
 
 impl From<&References> for ReferenceArtifact {
     fn from(references: &References) -> Self {
@@ -238,12 +242,13 @@ impl From<ReferenceArtifact> for References {
 }
 
 fn run_parts(run: &Run) -> RunParts {
-    (run.iterations as u64, run.change, run.stopped_by == StoppedBy::Tolerance)
+    let code = STOPPED_BY.iter().position(|&by| by == run.stopped_by).unwrap_or(STOPPED_BY.len());
+    (run.iterations as u64, run.change, run.residual, code as u8)
 }
 
-fn run_of((iterations, change, by_tolerance): RunParts) -> Run {
-    let stopped_by = if by_tolerance { StoppedBy::Tolerance } else { StoppedBy::Count };
-    Run { iterations: iterations as usize, change, stopped_by }
+fn run_of((iterations, change, residual, code): RunParts) -> Run {
+    let stopped_by = STOPPED_BY.get(code as usize).copied().unwrap_or(StoppedBy::Count);
+    Run { iterations: iterations as usize, change, residual, stopped_by }
 }
 
 /// The measurements of a set of eigenpairs.

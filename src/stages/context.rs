@@ -112,6 +112,15 @@ impl<A: Artifact> Work<A> {
     }
 }
 
+/// Options as the bytes that stand for them in a key.
+///
+/// # Panics
+/// When they are no JSON, which options made of numbers and names always are: an empty text instead would make
+/// keys collide.
+pub fn canonical(options: &impl serde::Serialize) -> Vec<u8> {
+    serde_json::to_vec(options).expect("options are numbers and names")
+}
+
 /// Work with its key.
 pub struct Keyed<A> {
     key: CacheKey,

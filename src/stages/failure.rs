@@ -32,6 +32,12 @@ pub enum Failure {
     /// The run was interrupted; what was finished is kept.
     #[error("interrupted; run again to go on from what is finished")]
     Interrupted,
+    /// The run ended before this mesh was begun, because another failed.
+    #[error("not started, since an earlier mesh failed (--fail-fast)")]
+    NotStarted,
+    /// Some area is zero, infinite or not a number in double precision.
+    #[error("areas of {area:e} are beyond double precision; scale the mesh to sensible units")]
+    Area { area: f64 },
     /// A result that cannot be encoded.
     #[error(transparent)]
     Store(#[from] StoreError),

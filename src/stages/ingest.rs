@@ -49,6 +49,10 @@ pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
     if n < k {
         return Err(Failure::TooSmall { n, k });
     }
+    let areas = ingested.mesh.vertex_areas().into_iter();
+    if let Some(area) = areas.chain([ingested.mesh.area().0]).find(|area| !area.is_normal()) {
+        return Err(Failure::Area { area });
+    }
     if !ingested.repairs.is_empty() {
         tracing::info!(mesh = job.name, "{}", ingested.repairs);
     }

@@ -1,6 +1,6 @@
 //! Which meshes there are: files, and folders searched for them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -59,6 +59,11 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
         let searched = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>();
         return Err(IntakeError::Empty { searched: searched.join(", ") });
     }
+    // The same file by two ways is one mesh.
+    let mut files = BTreeSet::new();
+    jobs.retain(|job| {
+        files.insert(job.source.canonicalize().unwrap_or_else(|_| job.source.clone()))
+    });
     let mut seen: BTreeMap<&str, &Path> = BTreeMap::new();
     for job in &jobs {
         if let Some(first) = seen.insert(&job.name, &job.source) {
@@ -125,5 +130,6 @@ mod tests {
         assert!(matches!(jobs(&[dir.path().into()]), Err(IntakeError::Empty { .. })));
         let twice = jobs(&["x/a.obj".into(), "y/a.obj".into()]);
         assert!(matches!(twice, Err(IntakeError::Clash { .. })));
+        assert_eq!(jobs(&["a.obj".into(), "a.obj".into()]).unwrap().len(), 1);
     }
 }

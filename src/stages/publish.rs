@@ -1,5 +1,6 @@
 //! From certified eigenpairs to files: `eigen.npz`, `eigen.ply`, `run.json`, and last `spectrum.json`.
 
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
@@ -11,7 +12,8 @@ use super::verify::Verified;
 use crate::flow::events::How;
 use crate::operators::mass::row_sums;
 use crate::pipeline::Pipeline;
-use crate::publish::atomic::write_if_changed;
+use crate::publish::PublishError;
+use crate::publish::atomic::{remove, write_if_changed};
 use crate::publish::npz::EigenArrays;
 use crate::publish::ply::to_ply;
 use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
@@ -25,11 +27,13 @@ use crate::spectrum::Eigenpairs;
 pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Failure> {
     let started = Instant::now();
     let spectrum = spectrum(&context.pipeline, &verified);
-    let Verified { trained, vectors, certificate, judgement } = verified;
+    let Verified { trained, vectors, order, certificate, judgement } = verified;
     let (blocks, assembled) = (trained.blocks, trained.assembled);
     let mut loaded = assembled.loaded;
     let mesh = &loaded.ingested.mesh;
     let folder = context.out.join(&loaded.job.name);
+    let document = spectrum.to_json();
+    withdraw(&folder, Some(&document))?;
     let pairs =
         Eigenpairs { values: certificate.pairs.iter().map(|pair| pair.lambda).collect(), vectors };
     let arrays = EigenArrays {
@@ -40,17 +44,34 @@ pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Fail
         vertex_map: &loaded.ingested.vertex_map,
     };
     write_if_changed(&folder.join("eigen.npz"), &arrays.to_npz())?;
+    let ply = folder.join("eigen.ply");
     if context.pipeline.publish.ply {
-        write_if_changed(&folder.join("eigen.ply"), &to_ply(mesh, &pairs))?;
+        write_if_changed(&ply, &to_ply(mesh, &pairs))?;
+    } else {
+        remove(&ply)?;
     }
     loaded.spent("publish", How::Computed, started.elapsed());
-    let record = record(loaded.stages, &blocks);
+    let record = record(loaded.stages, &blocks, &order);
     write_if_changed(&folder.join("run.json"), &record.to_json())?;
     // Whoever waits for results waits for this file: all others are there when it is.
-    write_if_changed(&folder.join("spectrum.json"), &spectrum.to_json())?;
+    write_if_changed(&folder.join(SPECTRUM), &document)?;
     let folder = folder.display().to_string();
     let reason = (!judgement.is_verified()).then(|| judgement.reason());
     Ok(MeshReport::finished(loaded.job.name, folder, &spectrum, reason, &record))
+}
+
+/// The file whose presence says that the results beside it are whole and current.
+const SPECTRUM: &str = "spectrum.json";
+
+/// Takes back the results of an earlier run in `folder`, unless they are `current`: what no longer holds must not
+/// stand as verified, and arrays must not change behind their certificate.
+///
+/// # Errors
+/// When the system refuses.
+pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishError> {
+    let path = folder.join(SPECTRUM);
+    let earlier = std::fs::read(&path).ok();
+    if earlier.is_some() && earlier.as_deref() != current { remove(&path) } else { Ok(()) }
 }
 
 fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
@@ -88,17 +109,19 @@ fn parameters(pipeline: &Pipeline) -> serde_json::Value {
     })
 }
 
-fn record(stages: Vec<StageRecord>, blocks: &[TrainedBlock]) -> RunRecord {
+fn record(stages: Vec<StageRecord>, blocks: &[TrainedBlock], order: &[usize]) -> RunRecord {
     let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
     let pair = |block: &TrainedBlock| PairRecord {
-        k: block.k,
+        k: 1 + order.iter().position(|&column| column + 1 == block.k).unwrap_or(block.k - 1),
         cached: block.how == How::Reused,
         seconds: block.seconds,
     };
+    let mut pairs: Vec<PairRecord> = blocks.iter().map(pair).collect();
+    pairs.sort_by_key(|pair| pair.k);
     RunRecord {
         schema: RunRecordSchema::V1,
         seconds: stages.iter().map(|stage| stage.seconds).sum(),
-        pairs: blocks.iter().map(pair).collect(),
+        pairs,
         trained: blocks.len() - reused,
         reused,
         stages,

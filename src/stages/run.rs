@@ -85,14 +85,15 @@ pub async fn run(run: Run) -> io::Result<Ended> {
                 cancel.cancel();
             }
             defect |= failure.is_internal();
-            failed(&run.jobs[item], &failure)
+            failed(&context, &run.jobs[item], failure, run.cancel.is_cancelled())
         });
         reports[item] = Some(report);
     }
     tasks.join_all().await;
     // The feeder has ended: the outcomes end after it.
     drop(feeder.await);
-    let never_started = |job: &Job| failed(job, &Failure::Interrupted);
+    let interrupted = run.cancel.is_cancelled();
+    let never_started = |job: &Job| failed(&context, job, Failure::Interrupted, interrupted);
     let meshes = reports
         .into_iter()
         .zip(&run.jobs)
@@ -145,7 +146,18 @@ async fn feed(
     }
 }
 
-fn failed(job: &Job, failure: &Failure) -> MeshReport {
+/// The report of a failed mesh. Results of an earlier version of it are withdrawn; those of a mesh that was only
+/// interrupted stay. `interrupted` tells whether the caller stopped the run, or a failed mesh did.
+fn failed(context: &Context, job: &Job, failure: Failure, interrupted: bool) -> MeshReport {
+    let failure = match failure {
+        Failure::Interrupted if !interrupted => Failure::NotStarted,
+        failure => failure,
+    };
+    if !matches!(failure, Failure::Interrupted | Failure::NotStarted)
+        && let Err(error) = publish::withdraw(&context.out.join(&job.name), None)
+    {
+        tracing::warn!(mesh = job.name, "earlier results could not be withdrawn: {error}");
+    }
     tracing::debug!(mesh = job.name, %failure, "failed");
     MeshReport::failed(job.name.clone(), None, failure.to_string(), 0.0)
 }

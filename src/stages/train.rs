@@ -10,7 +10,7 @@ use tracing_indicatif::span_ext::IndicatifSpanExt;
 use super::Failure;
 use super::artifacts::BlockArtifact;
 use super::assemble::{Assembled, TrainingSet};
-use super::context::{Context, Work};
+use super::context::{Context, Work, canonical};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::predict::predict_next;
@@ -78,8 +78,8 @@ pub fn train(
     let work = state.blocks.iter().fold(
         Work::<BlockArtifact>::of_stage()
             .part(k)
-            .param("recipe", serde_json::to_vec(&recipe).unwrap_or_default())
-            .param("features", serde_json::to_vec(&features).unwrap_or_default())
+            .param("recipe", canonical(&recipe))
+            .param("features", canonical(&features))
             .input("family", &training.family_digest)
             .input("operators", &training.operators_digest),
         |work, earlier| work.input(format!("block {}", earlier.k), &earlier.digest),

@@ -124,7 +124,8 @@ mod tests {
     use crate::spectrum::mpgd::Run;
 
     fn certificate() -> Certificate {
-        let run = Run { iterations: 9, change: 0.0, stopped_by: StoppedBy::Tolerance };
+        let run =
+            Run { iterations: 9, change: 0.0, residual: 1e-9, stopped_by: StoppedBy::Tolerance };
         let pair = |lambda: f64, reference: f64, cluster: usize| PairCertificate {
             lambda,
             cluster,
@@ -174,7 +175,7 @@ mod tests {
         let mut certificate = certificate();
         certificate.pairs[1].lambda_mpgd = 9.0;
         certificate.pairs[1].mpgd =
-            Some(Run { iterations: 9, change: 0.1, stopped_by: StoppedBy::Count });
+            Some(Run { iterations: 9, change: 0.1, residual: 0.5, stopped_by: StoppedBy::Count });
         assert!(judge(&certificate, &Verify::default()).is_verified());
     }
 }

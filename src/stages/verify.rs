@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::Failure;
 use super::artifacts::{CertificateArtifact, PredictionArtifact, ReferenceArtifact};
 use super::assemble::network_input;
-use super::context::{Context, Recalled, Work};
+use super::context::{Context, Recalled, Work, canonical};
 use super::train::InTraining;
 use super::verdict::{Judgement, judge};
 use crate::ggnn::predict::predict_all;
@@ -15,6 +15,7 @@ use crate::spectrum::certificate::{References, certify, cluster_end, reference_p
 use crate::spectrum::factor::Analysis;
 use crate::spectrum::mpgd::{self, Direction, StoppedBy};
 use crate::spectrum::nullspace::nullspace;
+use crate::spectrum::pencil::column;
 use crate::spectrum::{Certificate, Dense, Eigenpairs, Pencil};
 use crate::store::Digest;
 
@@ -25,6 +26,8 @@ pub struct Verified {
     pub trained: InTraining,
     /// φ₁ … φ_K on the input mesh, n×K, unit B-norm in input units.
     pub vectors: Dense,
+    /// Which predicted column stands at each place: inside a cluster they are sorted by λ.
+    pub order: Vec<usize>,
     /// What was measured.
     pub certificate: Certificate,
     /// What follows from it.
@@ -44,7 +47,7 @@ pub fn verify(
     let prediction = predict(context, item, &trained)?;
     trained.assembled.loaded.spent("predict", prediction.how, prediction.spent);
     let references = references(context, item, &trained)?;
-    let vectors = Dense::from(prediction.artifact);
+    let predicted = Dense::from(prediction.artifact);
     let work = Work::<CertificateArtifact>::of_stage()
         .input("prediction", &prediction.digest)
         .input("operators", &trained.assembled.operators_digest)
@@ -52,6 +55,8 @@ pub fn verify(
         .seeded(0, "f64");
     let references = References::from(references.artifact);
     let pencil = Pencil::from(&*trained.assembled.operators);
+    let order = order_within_clusters(pencil, &predicted, &references);
+    let vectors = Dense::from_fn(predicted.nrows(), order.len(), |i, j| predicted[(i, order[j])]);
     let recalled = context.recall(item, work, || {
         let analysis = Analysis::new(pencil)?;
         Ok((&certify(pencil, &analysis, &vectors, &references)?).into())
@@ -61,7 +66,7 @@ pub fn verify(
     let judgement = judge(&certificate, &context.pipeline.verify);
     let spent = started.elapsed().saturating_sub(prediction.spent);
     trained.assembled.loaded.spent("verify", how, spent);
-    Ok(Verified { trained, vectors, certificate, judgement })
+    Ok(Verified { trained, vectors, order, certificate, judgement })
 }
 
 fn predict(
@@ -74,7 +79,7 @@ fn predict(
     let k = context.pipeline.train.k;
     let work = trained.blocks.iter().fold(
         Work::<PredictionArtifact>::of_stage()
-            .param("features", serde_json::to_vec(&features).unwrap_or_default())
+            .param("features", canonical(&features))
             .param("k", k.to_string())
             .input("mesh", &loaded.digest())
             .input("operators", &trained.assembled.operators_digest),
@@ -88,6 +93,26 @@ fn predict(
         let vectors = predict_all(&zero_modes(trained, k), blocks, &input, &operators.mass);
         Ok((&vectors).into())
     })
+}
+
+/// Sorts the predicted columns by Rayleigh quotient inside each cluster of the reference, whose basis is arbitrary,
+/// and nowhere else: a pair in the wrong cluster is an error to be seen.
+fn order_within_clusters(
+    pencil: Pencil<'_>,
+    predicted: &Dense,
+    references: &References,
+) -> Vec<usize> {
+    let quotients: Vec<f64> =
+        (0..predicted.ncols()).map(|j| pencil.rayleigh_quotient(column(predicted, j))).collect();
+    let mut order: Vec<usize> = (0..quotients.len()).collect();
+    for run in references.clusters(pencil.area()) {
+        let end = run.end.min(order.len());
+        // The indicators of components stay by lowest vertex index.
+        if run.start < end && run.start > 0 {
+            order[run.start..end].sort_by(|&a, &b| quotients[a].total_cmp(&quotients[b]));
+        }
+    }
+    order
 }
 
 /// The eigenfunctions of λ = 0 on the input mesh, at most k of them.
@@ -111,8 +136,8 @@ fn references(
     let operators: &Digest = &trained.assembled.operators_digest;
     let work = Work::<ReferenceArtifact>::of_stage()
         .param("k", k.to_string())
-        .param("mpgd stopping", serde_json::to_vec(&verify.stopping()).unwrap_or_default())
-        .param("mpgd direction", serde_json::to_vec(&verify.mpgd_direction).unwrap_or_default())
+        .param("mpgd stopping", canonical(&verify.stopping()))
+        .param("mpgd direction", canonical(&verify.mpgd_direction))
         .input("mesh", &trained.assembled.loaded.digest())
         .input("operators", operators)
         .seeded(verify.mpgd_seed, "f64");
@@ -120,11 +145,11 @@ fn references(
         let pencil = Pencil::from(&*trained.assembled.operators);
         let analysis = Analysis::new(pencil)?;
         let fem = reference_past_gap(pencil, &analysis, k)?;
-        let vectors = zero_modes(trained, k);
+        // A cluster that K cuts is compared as a whole.
+        let count = cluster_end(&fem.values, k, pencil.area());
+        let vectors = zero_modes(trained, count);
         let known = Eigenpairs { values: vec![0.0; vectors.ncols()], vectors };
         let cancelled = || context.cancel.is_cancelled();
-        // A cluster that K cuts is compared as a whole.
-        let count = cluster_end(&fem.values, k);
         let factor = analysis.cholesky(1.0 / pencil.area())?;
         let direction = match verify.mpgd_direction {
             MpgdDirection::Gradient => Direction::Gradient,

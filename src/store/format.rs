@@ -5,7 +5,7 @@
 //! have schemas of their own.
 
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::{fs, str};
 
 use super::StoreError;
@@ -15,6 +15,11 @@ pub(super) const FORMAT: u32 = 1;
 
 /// The marker file within a cache directory.
 const FILE: &str = "chladni.format";
+
+/// Where the marker of `dir` is.
+pub(super) fn path(dir: &Path) -> PathBuf {
+    dir.join(FILE)
+}
 
 const PREFIX: &str = "chladni store ";
 
@@ -36,7 +41,7 @@ pub(super) enum Marker {
 /// # Errors
 /// [`StoreError::NewerFormat`], or [`StoreError::Directory`] when the system refuses to read it.
 pub(super) fn read(dir: &Path) -> Result<Marker, StoreError> {
-    let path = dir.join(FILE);
+    let path = path(dir);
     let content = match fs::read(&path) {
         Ok(content) => content,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Marker::Absent),
@@ -54,7 +59,7 @@ pub(super) fn read(dir: &Path) -> Result<Marker, StoreError> {
 
 /// Marks `dir` as ours: a temporary file renamed into place, so that the marker is whole or not there.
 pub(super) fn write(dir: &Path) -> Result<(), StoreError> {
-    let path = dir.join(FILE);
+    let path = path(dir);
     let written = tempfile::NamedTempFile::new_in(dir).and_then(|mut file| {
         writeln!(file, "{PREFIX}{FORMAT}")?;
         file.as_file().sync_all()?;

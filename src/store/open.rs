@@ -52,6 +52,11 @@ struct Open {
 }
 
 impl Store {
+    /// Whether there is a cache at `dir`, of whatever format.
+    pub fn exists(dir: impl AsRef<Path>) -> bool {
+        super::format::path(dir.as_ref()).is_file()
+    }
+
     /// Opens `dir` as a cache, creating it where needed. A damaged database is set aside with a warning and an
     /// empty one started.
     ///

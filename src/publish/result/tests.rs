@@ -20,7 +20,12 @@ fn measured(lambda: f64, mpgd: Option<mpgd::Run>) -> PairCertificate {
 
 pub fn spectrum() -> Spectrum {
     let hash = crate::mesh::sample::icosphere(0).hash();
-    let run = mpgd::Run { iterations: 7, change: 1e-9, stopped_by: mpgd::StoppedBy::Count };
+    let run = mpgd::Run {
+        iterations: 7,
+        change: 1e-9,
+        residual: 0.1,
+        stopped_by: mpgd::StoppedBy::Count,
+    };
     Spectrum {
         schema: SpectrumSchema::V1,
         status: Verdict::Unverified,

@@ -62,6 +62,7 @@ fn a_run_with_a_good_a_doubtful_and_a_failed_mesh() {
     let mut doubtful = sphere();
     doubtful.path = "meshes/odd\u{1b}.obj".to_owned();
     doubtful.status = Status::Unverified;
+    doubtful.reason = Some("pair 2: angle to the reference".to_owned());
     doubtful.eigenpairs = vec![pair(1, 0.0, None), pair(2, 123456.7, Some(StoppedBy::Count))];
     doubtful.eigenpairs[1].cached = true;
     doubtful.eigenpairs[1].pair.verdict = Verdict::Unverified;
@@ -78,21 +79,22 @@ fn a_run_with_a_good_a_doubtful_and_a_failed_mesh() {
     let report = RunReport::new(vec![sphere(), doubtful, failed], 15.25);
     let expected = "\
 meshes/sphere.obj  169fe89fc651  n = 42  area 11.9140
- k         λ   λ M-PGD     λ FEM   angle (rad)        ρ   verdict    source     seconds
-────────────────────────────────────────────────────────────────────────────────────────
- 1         0         0         0        1.2e-2   1.2e-3   verified   constant         –
- 2   2.01235   2.03247   2.01033        1.2e-2   1.2e-3   verified   trained       3.26
- 3   12.3457   12.4691   12.3333        1.2e-2   1.2e-3   verified   trained       3.26
+k        λ  λ M-PGD    λ FEM   angle       ρ  verdict   source       s
+───────────────────────────────────────────────────────────────────────
+1        0        0        0  1.2e-2  1.2e-3  verified  constant     –
+2  2.01235  2.03247  2.01033  1.2e-2  1.2e-3  verified  trained   3.26
+3  12.3457  12.4691  12.3333  1.2e-2  1.2e-3  verified  trained   3.26
 complete: 3 eigenvalues below σ = 13.5000, 3 found
 2 trained, 0 reused; 7.50 s
 
 meshes/odd\\u{1b}.obj  169fe89fc651  n = 42  area 11.9140
- k        λ   λ M-PGD    λ FEM   angle (rad)        ρ   verdict      source            seconds
-───────────────────────────────────────────────────────────────────────────────────────────────
- 1        0        0         0        1.2e-2   1.2e-3   verified     constant                –
- 2   123457   124691*   123333             –   1.2e-3   unverified   trained, reused      3.26
-* M-PGD took all its steps, or was interrupted, before its tolerance was met
+k       λ  λ M-PGD   λ FEM   angle       ρ  verdict     source       s
+───────────────────────────────────────────────────────────────────────
+1       0       0        0  1.2e-2  1.2e-3  verified    constant     –
+2  123457  124691*  123333       –  1.2e-3  unverified  reused    3.26
+* M-PGD has not converged there, or not for a pair before; its opinion does not count
 not complete: 3 eigenvalues below σ = 13.5000, 2 found
+unverified: pair 2: angle to the reference
 0 trained, 1 reused; 7.50 s
 
 meshes/empty.obj
