@@ -14,7 +14,8 @@ use crate::mesh::{Topology, TriMesh};
 pub struct FamilyRecipe {
     /// How many meshes; 1 is the mesh itself.
     pub members: usize,
-    /// About how many vertices each; at most three quarters of the mesh's own.
+    /// About how many vertices each; at most three quarters of the mesh's own. A mesh that has no more than this
+    /// itself is its own family: coarser variants of it would be another shape.
     pub vertices: usize,
     /// How far vertices move, in mean edge lengths, while the collapses are chosen.
     pub jitter: f64,
@@ -26,13 +27,6 @@ impl Default for FamilyRecipe {
     /// The values that `docs/training.md` arrives at; on a mesh of fewer vertices the cap on their share rules.
     fn default() -> Self {
         Self { members: 8, vertices: 620, jitter: 0.3, seed: 0 }
-    }
-}
-
-impl FamilyRecipe {
-    /// About how many vertices a variant of a mesh with `n` of them has.
-    pub fn vertices_of(&self, n: usize) -> usize {
-        self.vertices.min((LARGEST_SHARE * n as f64) as usize)
     }
 }
 
@@ -76,10 +70,10 @@ impl Family {
     /// # Errors
     /// [`FamilyError::Topology`] when no draw for some member keeps the topology.
     pub fn of(mesh: &TriMesh, recipe: &FamilyRecipe) -> Result<Self, FamilyError> {
-        if recipe.members <= 1 {
+        if recipe.members <= 1 || mesh.n() <= recipe.vertices {
             return Ok(Self { members: vec![mesh.clone()] });
         }
-        let vertices = recipe.vertices_of(mesh.n());
+        let vertices = recipe.vertices.min((LARGEST_SHARE * mesh.n() as f64) as usize);
         let wanted = kind(mesh);
         let thin = THINNEST.min(0.1 * thinnest(mesh));
         let members = (0..recipe.members as u64)
@@ -160,8 +154,9 @@ mod tests {
     }
 
     #[test]
-    fn a_family_of_one_is_the_mesh() {
+    fn a_family_of_one_and_that_of_a_small_mesh_are_the_mesh() {
         let mesh = icosphere(1);
-        assert_eq!(Family::of(&mesh, &recipe(1)).unwrap().members, [mesh]);
+        assert_eq!(Family::of(&mesh, &recipe(1)).unwrap().members, std::slice::from_ref(&mesh));
+        assert_eq!(Family::of(&mesh, &recipe(4)).unwrap().members, [mesh]);
     }
 }

@@ -14,9 +14,14 @@ pub enum Failure {
     /// The file is no mesh, or not one that we can use.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// More eigenpairs than the mesh, or a member of its family, can have.
+    /// More eigenpairs than the mesh can have.
     #[error("the mesh has {n} vertices, too few for train.k = {k} eigenpairs; lower train.k")]
     TooSmall { n: usize, k: usize },
+    /// More eigenpairs than a member of the family can have.
+    #[error(
+        "a variant of the mesh has {n} vertices, too few for train.k = {k} eigenpairs; raise family.vertices"
+    )]
+    CoarseFamily { n: usize, k: usize },
     /// No family could be made of it.
     #[error(transparent)]
     Family(#[from] FamilyError),
