@@ -3,9 +3,9 @@
 //! Layers, each knowing only those to its left:
 //!
 //! ```text
-//! mesh ─► operators, remesh ─► spectrum ─► ggnn ─┐
-//! store, flow (know nothing of meshes) ──────────┼─► stages ─► cli
-//! publish (results as files and text) ───────────┘
+//! mesh ─► operators, remesh ─► spectrum ─┬─► ggnn ────┐
+//!                                        └─► publish ─┼─► stages ─► cli
+//! store, flow (know nothing of meshes) ───────────────┘
 //! ```
 //! A program starts at [`stages::run`]; a single mesh and its spectrum at [`mesh::load`] and [`spectrum::fem`].
 

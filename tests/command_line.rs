@@ -30,6 +30,16 @@ fn exit_0_and_a_table_when_all_is_well() {
     assert!(output.stderr.is_empty(), "no bars and no warnings: {table}");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn exit_1_when_the_result_cannot_be_printed() {
+    let workspace = Workspace::new(QUICK);
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = workspace.run(&["--format", "json"]).stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(text(&output).contains("could not be printed"));
+}
+
 #[test]
 fn exit_2_for_usage_and_configuration() {
     let workspace = Workspace::new(QUICK);

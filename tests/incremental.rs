@@ -124,13 +124,13 @@ fn training_sees_the_family_and_earlier_blocks_and_nothing_of_a_reference() {
     assert_eq!(references.len(), 3);
     let blocks = outputs(&["train"]);
     let family = outputs(&["remesh"]);
+    let operators = outputs(&["assemble"]);
     for event in events.iter().filter(|event| event.stage == "train") {
         for (role, digest) in &event.inputs {
             assert!(!references.contains(digest), "{role}");
             match role.as_str() {
                 "family" => assert!(family.contains(digest)),
-                // The digest over the operators of the members, which come from their meshes alone.
-                "operators" => {}
+                "operators" => assert!(operators.contains(digest)),
                 block => {
                     assert!(block.starts_with("block "), "{block}");
                     assert!(blocks.contains(digest));

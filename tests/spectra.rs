@@ -113,7 +113,7 @@ fn both_residual_bounds_contain_an_eigenvalue_whatever_the_perturbation() {
                 fem.vectors[(i, j)] + amount * noise
             });
             let operators = Operators::assemble(&icosphere(3), MassKind::Lumped);
-            chladni::spectrum::certificate::normalise_columns(&operators.mass, &mut vectors);
+            chladni::spectrum::eigenpairs::normalise_columns(&operators.mass, &mut vectors);
             vectors
         });
         for pair in &certificate.pairs[1..] {

@@ -34,7 +34,7 @@ impl Workers {
     /// # Errors
     /// When the system refuses a thread.
     pub fn start(count: NonZeroUsize) -> std::io::Result<Self> {
-        // As many tasks may wait as can run: a worker never idles while the next task is being prepared.
+        // Permits are held until the work is done, so that a task is sent only when a worker is free for it.
         let (tasks, inbox) = bounded::<Task>(count.get());
         let threads = (0..count.get())
             .map(|i| {

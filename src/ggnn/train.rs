@@ -2,7 +2,8 @@
 //!
 //! Each step: forward passes over a batch; the head solved on that batch ([`super::head`]); the gradient of the
 //! batch's Rayleigh quotient with respect to the trunk ([`super::ops::rayleigh`]); one Adam step. Since the head
-//! is optimal for the batch, the quotient's gradient needs no term for the head (the envelope theorem).
+//! is optimal for the batch, the quotient's gradient needs no term for the head (the envelope theorem); the ridge is
+//! taken as a constant there.
 //!
 //! Nothing here has seen a vector of a reference solver: the inputs are meshes, their operators, and the
 //! predictions of earlier blocks.

@@ -1,8 +1,9 @@
 //! All operators of one mesh, in the form that the store keeps.
 
+use super::adjacency::{adjacency, graph_laplacian};
 use super::mass::{MassKind, mass, row_sums};
-use super::{Sparse, adjacency::adjacency, stiffness::cotangent_stiffness};
-use crate::mesh::{Area, TriMesh};
+use super::{Sparse, stiffness::cotangent_stiffness};
+use crate::mesh::{Area, Topology, TriMesh};
 
 /// The discrete operators of a mesh with n vertices.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +16,8 @@ pub struct Operators {
     pub mass: Sparse,
     /// Which mass `mass` is.
     pub mass_kind: MassKind,
+    /// The vertices on the boundary, ascending.
+    pub boundary: Vec<u32>,
 }
 
 impl Operators {
@@ -25,7 +28,13 @@ impl Operators {
             stiffness: cotangent_stiffness(mesh),
             mass: mass(mesh, mass_kind),
             mass_kind,
+            boundary: Topology::of(mesh).boundary_vertices,
         }
+    }
+
+    /// The normalised graph Laplacian I − W of (5), n×n.
+    pub fn graph_laplacian(&self) -> Sparse {
+        graph_laplacian(&self.adjacency)
     }
 
     /// The number of vertices.
@@ -36,5 +45,24 @@ impl Operators {
     /// The surface area: the sum of all entries of the mass.
     pub fn area(&self) -> Area {
         Area(row_sums(&self.mass).iter().sum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_operators_of_a_square_with_a_centre() {
+        let corners = [[0., 0., 0.], [2., 0., 0.], [2., 2., 0.], [0., 2., 0.], [1., 1., 0.]];
+        let faces = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+        let operators =
+            Operators::assemble(&TriMesh::new(corners.to_vec(), faces).unwrap(), MassKind::Lumped);
+        assert_eq!(operators.boundary, [0, 1, 2, 3]);
+        assert_eq!(operators.area(), Area(4.0));
+        let laplacian = operators.graph_laplacian();
+        assert_eq!(laplacian.get(4, 4), Some(&1.0));
+        assert_eq!(laplacian.get(4, 0), Some(&-0.25));
+        assert!((laplacian.get(0, 4).unwrap() + 1.0 / 3.0).abs() < 1e-15);
     }
 }

@@ -1,5 +1,5 @@
 //! Discrete Laplacians of a mesh: adjacency and graph Laplacian (5), cotangent stiffness (4, 6), lumped (6)
-//! and consistent (11) mass, boundary.
+//! and consistent (11) mass.
 //!
 //! - [`adjacency`]: W and I − W
 //! - [`stiffness`]: the cotangent stiffness L

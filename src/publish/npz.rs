@@ -4,7 +4,7 @@
 //!
 //! | array        | type    | shape | content                                                        |
 //! |--------------|---------|-------|----------------------------------------------------------------|
-//! | `evals`      | float64 | (K,)  | λ, ascending, 1/(input unit)²                                  |
+//! | `evals`      | float64 | (K,)  | λ by k, 1/(input unit)²; ascending inside every cluster         |
 //! | `evecs`      | float64 | (n,K) | φ, one a column, φᵀBφ = 1, C order                             |
 //! | `mass`       | float64 | (n,)  | the row sums of B: vertex areas, squared input units           |
 //! | `mass_kind`  | str     | ()    | which B: `lumped` or `consistent`                              |

@@ -123,7 +123,7 @@ impl From<Verdict> for Status {
 /// One mesh in a [`RunReport`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MeshReport {
-    /// The file, as the user named it.
+    /// The file, relative to the input that it was found under.
     pub path: String,
     /// The content hash; null when the file did not become a mesh.
     #[serde(with = "optional_hash")]

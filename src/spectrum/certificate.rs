@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::cluster::{CLUSTER_GAP, clusters, zero_below};
 use super::factor::Analysis;
 use super::inertia::count_below;
-use super::pencil::{column, column_mut, combine, inner, product, projection};
+use super::pencil::{column, combine, dot, inner, product, projection};
 use super::rayleigh_ritz::ritz_pairs;
 use super::{Dense, Eigenpairs, Pencil, SpectrumError, mpgd};
 use crate::operators::Sparse;
@@ -300,15 +300,4 @@ fn completeness(
         count == Some(found)
     };
     Ok(Completeness { sigma, count, found, complete, cut_cluster })
-}
-
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(a, b)| a * b).sum()
-}
-
-/// Scales every column to φᵀBφ = 1.
-pub fn normalise_columns(mass: &Sparse, x: &mut Dense) {
-    for j in 0..x.ncols() {
-        super::eigenpairs::normalise(column_mut(x, j), mass);
-    }
 }

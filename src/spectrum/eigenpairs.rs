@@ -73,6 +73,13 @@ pub fn normalise(x: &mut [f64], mass: &Sparse) {
     x.iter_mut().for_each(|v| *v *= scale);
 }
 
+/// Scales every column to φᵀBφ = 1.
+pub fn normalise_columns(mass: &Sparse, x: &mut Dense) {
+    for j in 0..x.ncols() {
+        normalise(column_mut(x, j), mass);
+    }
+}
+
 /// An orthogonal m×m matrix that depends on the span of the m columns of `block` alone.
 fn pivoted_basis(block: &Dense) -> Dense {
     let m = block.ncols();

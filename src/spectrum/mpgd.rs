@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::eigenpairs::{normalise, orient};
 use super::factor::Cholesky;
-use super::pencil::{apply, column};
+use super::pencil::{apply, column, dot};
 use super::{Dense, Eigenpairs, Pencil};
 
 /// Steps between a look at cancellation and a correction of rounding.
@@ -230,19 +230,6 @@ impl<'a> Constraint<'a> {
             x.iter_mut().zip(phi).for_each(|(x, p)| *x -= c * p);
         }
     }
-}
-
-/// Inner product in four running sums, which the compiler can keep in one register.
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (xs, ys) = (x.chunks_exact(8), y.chunks_exact(8));
-    let tail: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(a, b)| a * b).sum();
-    for (x, y) in xs.zip(ys) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    sums.iter().sum::<f64>() + tail
 }
 
 #[cfg(test)]

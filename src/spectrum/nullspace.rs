@@ -1,7 +1,7 @@
 //! The eigenfunctions of λ = 0 without Dirichlet boundary: one normalised indicator a component.
 
 use super::Dense;
-use super::certificate::normalise_columns;
+use super::eigenpairs::normalise_columns;
 use crate::operators::Sparse;
 
 /// The B-normalised indicators of the components, n×c, from every vertex's component label 0 … c−1. Components

@@ -114,3 +114,16 @@ pub fn column(x: &Dense, j: usize) -> &[f64] {
 pub fn column_mut(x: &mut Dense, j: usize) -> &mut [f64] {
     x.col_mut(j).try_as_col_major_mut().expect("columns of Dense are contiguous").as_slice_mut()
 }
+
+/// xᵀy, in eight running sums that fit one wide register.
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (xs, ys) = (x.chunks_exact(8), y.chunks_exact(8));
+    let tail: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(a, b)| a * b).sum();
+    for (x, y) in xs.zip(ys) {
+        for k in 0..8 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    sums.iter().sum::<f64>() + tail
+}

@@ -97,6 +97,7 @@ pub struct OperatorsArtifact {
     stiffness: SparseParts,
     mass: SparseParts,
     consistent: bool,
+    boundary: Vec<u32>,
 }
 
 impl From<&Operators> for OperatorsArtifact {
@@ -106,6 +107,7 @@ impl From<&Operators> for OperatorsArtifact {
             stiffness: (&operators.stiffness).into(),
             mass: (&operators.mass).into(),
             consistent: operators.mass_kind == MassKind::Consistent,
+            boundary: operators.boundary.clone(),
         }
     }
 }
@@ -117,6 +119,7 @@ impl From<OperatorsArtifact> for Operators {
             stiffness: artifact.stiffness.into(),
             mass: artifact.mass.into(),
             mass_kind: if artifact.consistent { MassKind::Consistent } else { MassKind::Lumped },
+            boundary: artifact.boundary,
         }
     }
 }

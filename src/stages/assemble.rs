@@ -39,8 +39,8 @@ pub struct TrainingSet {
     pub nullspaces: Vec<Dense>,
     /// Of the family's meshes.
     pub family_digest: Digest,
-    /// Of the members' operators.
-    pub operators_digest: Digest,
+    /// Of the operators of each member.
+    pub operators_digests: Vec<Digest>,
 }
 
 /// Assembles or recalls the operators of a mesh and of its family.
@@ -55,7 +55,7 @@ pub fn assemble(context: &Context, item: usize, familied: Familied) -> Result<As
     let (mut members, mut nullspaces) = (Vec::new(), Vec::new());
     for mesh in &family.members {
         let recalled = operators_of(context, item, mesh)?;
-        digests.extend_from_slice(recalled.digest.as_bytes());
+        digests.push(recalled.digest);
         let member = member(context, mesh, recalled.artifact.into());
         nullspaces.push(nullspace(&crate::mesh::topology::component_labels(mesh), &member.mass));
         members.push(member);
@@ -69,7 +69,7 @@ pub fn assemble(context: &Context, item: usize, familied: Familied) -> Result<As
             members,
             nullspaces,
             family_digest,
-            operators_digest: Digest::of(&digests),
+            operators_digests: digests,
         }),
     })
 }

@@ -75,15 +75,17 @@ pub fn train(
     let options = &context.pipeline.train;
     let recipe = options.recipe();
     let features = context.pipeline.features.normalise;
-    let work = state.blocks.iter().fold(
-        Work::<BlockArtifact>::of_stage()
-            .part(k)
-            .param("recipe", canonical(&recipe))
-            .param("features", canonical(&features))
-            .input("family", &training.family_digest)
-            .input("operators", &training.operators_digest),
-        |work, earlier| work.input(format!("block {}", earlier.k), &earlier.digest),
-    );
+    let family = Work::<BlockArtifact>::of_stage()
+        .part(k)
+        .param("recipe", canonical(&recipe))
+        .param("features", canonical(&features))
+        .input("family", &training.family_digest);
+    let members = training.operators_digests.iter();
+    let work = members.fold(family, |work, operators| work.input("operators", operators));
+    let work = state
+        .blocks
+        .iter()
+        .fold(work, |work, earlier| work.input(format!("block {}", earlier.k), &earlier.digest));
     let name = state.assembled.loaded.job.name.clone();
     let recalled = context.recall(item, work.seeded(options.seed, "f32"), || {
         let progress = Progress::new(&name, k, recipe.steps, &context.cancel);

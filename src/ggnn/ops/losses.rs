@@ -9,7 +9,7 @@ use super::real::Real;
 use super::{Scalar, Vector};
 use crate::operators::Sparse;
 use crate::spectrum::Dense;
-use crate::spectrum::pencil::{apply, column};
+use crate::spectrum::pencil::{apply, column, dot};
 
 /// z/‖z‖_B: step 2 of the training procedure.
 pub fn b_normalise<E: Real, T: Tape<E, Cpu>>(z: Vector<E, T>, mass: &Arc<Sparse>) -> Vector<E, T> {
@@ -139,10 +139,6 @@ fn with_product<E: Real>(z: &Vector<E>, a: &Sparse) -> (Vec<f64>, Vec<f64>) {
     let mut product = vec![0.0; values.len()];
     apply(a, &values, &mut product);
     (values, product)
-}
-
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]
