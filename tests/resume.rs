@@ -11,7 +11,7 @@ use common::{QUICK, Workspace};
 
 /// Long enough a training that a signal falls into its middle; gently, for so small a network.
 fn slow() -> String {
-    QUICK.replace("k = 4", "k = 6").replace("steps = 4", "steps = 250\nlearning_rate = 1e-4")
+    QUICK.replace("k = 4", "k = 6").replace("steps = 4", "steps = 600\nlearning_rate = 1e-4")
 }
 
 /// Starts a run and waits until `blocks` of its blocks are trained.
