@@ -111,5 +111,5 @@ fn print(text: &str) -> Result<(), Refusal> {
 
 /// Prints a JSON document.
 fn print_json(document: &impl serde::Serialize) -> Result<(), Refusal> {
-    print(&serde_json::to_string_pretty(document).map_err(Refusal::internal)?)
+    print(&String::from_utf8_lossy(&crate::publish::json::document(document)))
 }

@@ -43,25 +43,6 @@ pub trait EventSink: Send + Sync {
     fn record(&self, event: &Event);
 }
 
-/// Keeps all events in memory.
-#[derive(Debug, Default)]
-pub struct EventLog {
-    events: Mutex<Vec<Event>>,
-}
-
-impl EventLog {
-    /// The events so far, in the order in which they happened.
-    pub fn events(&self) -> Vec<Event> {
-        self.events.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-}
-
-impl EventSink for EventLog {
-    fn record(&self, event: &Event) {
-        self.events.lock().unwrap_or_else(PoisonError::into_inner).push(event.clone());
-    }
-}
-
 /// Appends events to a file, one JSON object a line, each in one write.
 #[derive(Debug)]
 pub struct EventFile {

@@ -47,11 +47,6 @@ impl Workers {
         Ok(Self { tasks: Some(tasks), slots: Arc::new(Semaphore::new(count.get())), threads })
     }
 
-    /// The number of threads.
-    pub fn count(&self) -> usize {
-        self.threads.len()
-    }
-
     /// Runs `work` on a worker and waits for it without blocking. A panic in it is caught.
     ///
     /// # Errors

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The bytes of a document.
-pub(super) fn document(value: &impl Serialize) -> Vec<u8> {
+pub fn document(value: &impl Serialize) -> Vec<u8> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .expect("the result types hold strings, numbers and lists, which JSON has");
     bytes.push(b'\n');
