@@ -227,6 +227,48 @@ fn missing_indices_count_up_and_storeys_share_their_floors() {
     assert_eq!(building.topology.non_manifold_edges, 22);
 }
 
+// ---- OFF, PLY, VTK, STL: expected values computed from the files with Python's split and struct alone
+
+fn assert_counts(mesh: &Ingested, format: Format, counts: [usize; 3], euler: i64, area: f64) {
+    let topology = &mesh.topology;
+    assert_eq!(mesh.format, format);
+    assert_eq!([topology.vertices, topology.edges, topology.faces], counts);
+    assert_eq!(topology.euler_characteristic, euler);
+    assert!((mesh.mesh.area().0 - area).abs() < 1e-12 * area, "{}", mesh.mesh.area().0);
+}
+
+#[test]
+fn an_icosahedron_from_off() {
+    let mesh = read("lapy_icosahedron.off");
+    assert_counts(&mesh, Format::Off, [12, 30, 20], 2, 38.29816559284123);
+    assert_eq!(mesh.mesh.vertices()[1], [1.788854, 0.0, 0.894427]);
+    assert!(mesh.topology.is_closed() && mesh.repairs.is_empty());
+}
+
+#[test]
+fn a_brick_of_single_precision_from_binary_ply() {
+    let mesh = read("gc_lego.ply");
+    assert_counts(&mesh, Format::Ply, [1649, 4720, 3072], 1, 0.36987300077455876);
+    assert_box(&mesh, [-0.25, 0.0, -0.5], [0.5, 0.0, 0.25]);
+    assert_eq!(mesh.topology.boundary_vertices.len(), 224);
+}
+
+#[test]
+fn a_cube_from_vtk_keeps_its_decimal_numbers() {
+    let mesh = read("lapy_cubeTria.vtk");
+    assert_counts(&mesh, Format::Vtk, [2402, 7200, 4800], 2, 6.0);
+    // The file says `float` and 0.05.
+    assert_eq!(mesh.mesh.vertices()[1], [0.05, 0.05, 0.0]);
+    assert!(mesh.topology.is_closed() && mesh.repairs.is_empty());
+}
+
+#[test]
+fn a_hundred_loose_triangles_from_binary_stl() {
+    let mesh = read("trimesh_soup.stl");
+    assert_counts(&mesh, Format::Stl, [300, 300, 100], 100, 14.578912785299483);
+    assert_eq!(mesh.topology.components, 100);
+}
+
 // ---- surfaces that are not simply closed: expected values from an independent count over the OBJ lines
 
 #[test]
@@ -282,10 +324,12 @@ fn files_that_are_no_mesh_say_so() {
     assert!(message("a.gltf", br#"{"asset":{"version":"2.0"}}"#).contains("no surface"));
     assert!(message("a.gltf", b"{}").contains("asset"));
     assert!(message("a.gltf", b"{\"asset\":").contains("not a valid glTF"));
-    assert!(message("a.ply", b"ply\nformat").contains("PLY"));
+    assert!(message("a.ply", b"ply\nformat").contains("not a valid PLY file"));
+    assert!(message("a.off", b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n").contains("no surface"));
+    assert!(message("a.stl", b"solid a\nendsolid a\n").contains("no surface"));
     let garbage: Vec<u8> = (0..4096_u32).map(|i| (i * i % 251) as u8).collect();
-    for name in ["a.obj", "a.glb", "a.gltf", "a"] {
-        assert!(message(name, &garbage).contains("neither OBJ nor glTF"));
+    for name in ["a.obj", "a.ply", "a.glb", "a.gltf", "a"] {
+        assert!(message(name, &garbage).contains("no mesh format that is read"));
     }
     let only_name = load(&data("trimesh_face_in_group_name.obj")).unwrap_err();
     let no_surface = Fault::NoSurface { vertices: 1, triangles: 0 };
@@ -335,7 +379,7 @@ fn every_mesh_at_hand_loads_or_says_why() {
     let mut refused = Vec::new();
     for path in entries.map(|entry| entry.unwrap().path()) {
         let extension = path.extension().and_then(|e| e.to_str());
-        if !matches!(extension, Some("obj" | "gltf" | "glb")) {
+        if extension.and_then(Format::of_extension).is_none() {
             continue;
         }
         match load(&path) {

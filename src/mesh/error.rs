@@ -5,13 +5,26 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-/// A place in a mesh file, precise enough to find it in an editor or a glTF viewer.
+use super::read::format::Format;
+
+/// A place in a mesh file, precise enough to find it in an editor or a viewer. Lines are counted from 1, all else
+/// from 0, as the files' own indices are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Place {
-    /// A line of a text file, counted from 1.
+    /// A line of a text file.
     Line(u32),
-    /// A glTF primitive; all counts are zero-based, as in the document.
+    /// A vertex of a binary file; of an STL file, vertex 3i + j is corner j of facet i.
+    Vertex(u32),
+    /// A face of a binary file.
+    Face(u32),
+    /// A triangle strip of a binary PLY file.
+    Strip(u32),
+    /// A cell of a binary VTK file, counted through all its lists of cells.
+    Cell(u32),
+    /// An entry of a list that is not geometry.
+    Entry(u32),
+    /// A glTF primitive.
     Primitive { mesh: u32, primitive: u32 },
     /// A triangle of a glTF primitive.
     Triangle { mesh: u32, primitive: u32, triangle: u32 },
@@ -19,10 +32,39 @@ pub enum Place {
     Element { accessor: u32, element: u32 },
 }
 
+impl Place {
+    /// The place `by` entries further on in the same list, where it has that many.
+    pub(super) fn further(self, by: usize) -> Option<Self> {
+        let add = |n: u32| n.checked_add(u32::try_from(by).ok()?);
+        Some(match self {
+            Self::Line(n) => Self::Line(add(n)?),
+            Self::Vertex(n) => Self::Vertex(add(n)?),
+            Self::Face(n) => Self::Face(add(n)?),
+            Self::Strip(n) => Self::Strip(add(n)?),
+            Self::Cell(n) => Self::Cell(add(n)?),
+            Self::Entry(n) => Self::Entry(add(n)?),
+            Self::Primitive { mesh, primitive } => {
+                Self::Primitive { mesh, primitive: add(primitive)? }
+            }
+            Self::Triangle { mesh, primitive, triangle } => {
+                Self::Triangle { mesh, primitive, triangle: add(triangle)? }
+            }
+            Self::Element { accessor, element } => {
+                Self::Element { accessor, element: add(element)? }
+            }
+        })
+    }
+}
+
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
+            Self::Vertex(vertex) => write!(f, "vertex {vertex}"),
+            Self::Face(face) => write!(f, "face {face}"),
+            Self::Strip(strip) => write!(f, "strip {strip}"),
+            Self::Cell(cell) => write!(f, "cell {cell}"),
+            Self::Entry(entry) => write!(f, "entry {entry}"),
             Self::Primitive { mesh, primitive } => write!(f, "mesh {mesh}, primitive {primitive}"),
             Self::Triangle { mesh, primitive, triangle } => {
                 write!(f, "mesh {mesh}, primitive {primitive}, triangle {triangle}")
@@ -65,18 +107,39 @@ pub enum Fault {
     EmptyFile,
     /// The content is none of the formats we read; the extension cannot help then.
     #[error(
-        "{}; convert the mesh to OBJ, glTF or GLB",
+        "{}; convert the mesh to {}",
         .recognised.map_or_else(
-            || "the content is neither OBJ nor glTF".to_owned(),
+            || "the content is no mesh format that is read".to_owned(),
             |name| format!("this is {name}, which is not read")
-        )
+        ),
+        Format::listed(Format::name)
     )]
     UnknownFormat { recognised: Option<&'static str> },
     /// More vertices or triangles than `u32` can number.
     #[error("more than 4294967295 vertices or lines; split or decimate the mesh")]
     TooLarge,
 
-    /// A `v` or `f` line is not what the OBJ format allows: a word that is no number, too few coordinates.
+    /// The file ends in the middle of a list: an interrupted download or copy, or counts that are not true.
+    #[error("the file ends here{}; export or copy it again", unfinished(.entries, *.promised))]
+    EndsEarly { entries: String, promised: Option<usize> },
+    /// A line has fewer numbers than what it describes. Usual causes are a line broken in two and a file
+    /// written under another header.
+    #[error(
+        "the line ends in the middle of its {entries}; give each {entries} one whole line, or export the mesh again"
+    )]
+    ShortLine { entries: String },
+    /// A word is no number. Usual causes are decimal commas and counts that are not true.
+    #[error(
+        "cannot read `{text}` as {expected}; numbers are written as 12 or -1.5e-3, with decimal points"
+    )]
+    NotANumber { text: String, expected: &'static str },
+    /// The file breaks a rule of its format.
+    #[error("not a valid {format} file: {problem}; export the mesh again")]
+    Malformed { format: &'static str, problem: String },
+    /// The file is sound and holds something that is not read.
+    #[error("{what} is not read; {remedy}")]
+    NotRead { what: String, remedy: &'static str },
+    /// A `v` or `f` line of an OBJ file is not what the OBJ format allows: a word that is no number, too few coordinates.
     /// Usual causes are decimal commas and files cut in the middle of a line.
     #[error(
         "cannot read `{text}` ({reason}); numbers need decimal points, `v` three coordinates, `f` vertex indices such as 1, 1/2, 1//3 or 1/2/3"
@@ -130,6 +193,13 @@ pub enum Fault {
         "the scene repeats its meshes too often: more than {limit} vertices and triangles from {bytes} bytes; export the one mesh that is meant"
     )]
     TooManyInstances { limit: usize, bytes: usize },
+}
+
+fn unfinished(entries: &str, promised: Option<usize>) -> String {
+    match promised {
+        Some(promised) => format!(", but promises {promised} {entries} entries"),
+        None => format!(", before its {entries} entries do"),
+    }
 }
 
 fn remedy(extension: &str) -> &'static str {

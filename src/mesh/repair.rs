@@ -1,6 +1,6 @@
 //! From what a file says to the canonical mesh: what was mended, and where each input vertex went.
 //!
-//! In this order: equal positions become one vertex (glTF only, which repeats them along seams); triangles with
+//! In this order: equal positions become one vertex (glTF and STL only, which repeat them); triangles with
 //! a repeated vertex, with no area, or with the vertices of an earlier one are dropped; vertices that no
 //! triangle uses are dropped. The order of vertices and triangles stays. Nothing is moved, filled or turned.
 //! Dropping a triangle of no area between three different vertices opens a slit of no width there; the topology
@@ -12,7 +12,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::error::{Failure, Fault, Place};
-use super::raw::{Origin, RawMesh};
+use super::raw::{RawMesh, SameVertex};
 use super::trimesh::{TriMesh, cross, norm, sub};
 
 /// A triangle counts as having no area up to this multiple of its longest edge squared.
@@ -21,7 +21,7 @@ const NO_AREA: f64 = 1e-12;
 /// What was changed between the file and the mesh. All zero for a clean triangle mesh.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Repairs {
-    /// Vertices that stood where an earlier one stands and became one with it. Harmless: glTF needs them.
+    /// Vertices that stood where an earlier one stands and became one with it. Harmless: glTF and STL need them.
     pub welded_vertices: Tally,
     /// Dropped triangles that named a vertex twice, or two vertices that were welded.
     pub collapsed_faces: Tally,
@@ -141,7 +141,7 @@ pub(super) fn repair(raw: &RawMesh) -> Result<Repaired, Failure> {
 /// For each position, the first one that it is one vertex with.
 fn weld(raw: &RawMesh, repairs: &mut Repairs) -> Vec<u32> {
     let own = 0..raw.positions.len() as u32;
-    if matches!(raw.origin, Origin::Obj { .. }) {
+    if raw.same_vertex == SameVertex::Index {
         return own.collect();
     }
     let mut first_at = HashMap::with_capacity(raw.positions.len());

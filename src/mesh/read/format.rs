@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::{off, stl};
 use crate::mesh::error::Fault;
 
 /// The formats that can be read.
@@ -10,6 +11,14 @@ use crate::mesh::error::Fault;
 pub enum Format {
     /// Wavefront OBJ.
     Obj,
+    /// Geomview's OFF.
+    Off,
+    /// PLY, the polygon file format.
+    Ply,
+    /// STL, as text or binary.
+    Stl,
+    /// Legacy VTK.
+    Vtk,
     /// glTF 2.0, JSON with buffers beside or inside it.
     Gltf,
     /// glTF 2.0 in its binary container.
@@ -24,37 +33,105 @@ const OBJ_KEYWORDS: [&[u8]; 12] =
     [b"v", b"vt", b"vn", b"vp", b"f", b"l", b"p", b"o", b"g", b"s", b"mtllib", b"usemtl"];
 
 /// Formats that are met often and not read, by their first bytes.
-const KNOWN: [(&[u8], &str); 6] = [
-    (b"ply", "a PLY file"),
-    (b"OFF", "an OFF file"),
-    (b"solid", "an STL file"),
-    (b"# vtk", "a VTK file"),
+const OTHERS: [(&[u8], &str); 3] = [
     (b"Kaydara FBX", "an FBX file"),
+    (b"<VTKFile", "a VTK file of the XML kind"),
     (b"<?xml", "an XML file"),
 ];
 
 impl Format {
+    /// All of them, as they are listed.
+    pub const ALL: [Self; 7] =
+        [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Vtk, Self::Gltf, Self::Glb];
+
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Obj => "OBJ",
+            Self::Off => "OFF",
+            Self::Ply => "PLY",
+            Self::Stl => "STL",
+            Self::Vtk => "VTK",
+            Self::Gltf => "glTF",
+            Self::Glb => "GLB",
+        }
+    }
+
+    /// How its files end, with the dot.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Obj => ".obj",
+            Self::Off => ".off",
+            Self::Ply => ".ply",
+            Self::Stl => ".stl",
+            Self::Vtk => ".vtk",
+            Self::Gltf => ".gltf",
+            Self::Glb => ".glb",
+        }
+    }
+
+    /// The format whose files end in `extension`, without the dot.
+    pub fn of_extension(extension: &str) -> Option<Self> {
+        let ends = |format: &Self| {
+            format.extension().trim_start_matches('.').eq_ignore_ascii_case(extension)
+        };
+        Self::ALL.into_iter().find(ends)
+    }
+
+    /// All formats by name or extension, as in "OBJ, glTF or GLB".
+    pub fn listed(by: impl Fn(Self) -> &'static str) -> String {
+        let names = Self::ALL.map(by);
+        match names.as_slice() {
+            [first @ .., last] => format!("{} or {last}", first.join(", ")),
+            [] => String::new(),
+        }
+    }
+
     /// Recognises a format by content, and by `extension` (without the dot) where the content leaves it open.
     pub(crate) fn of(bytes: &[u8], extension: Option<&str>) -> Result<Self, Fault> {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         if text.is_empty() {
             return Err(Fault::EmptyFile);
         }
-        if text.starts_with(b"glTF") {
-            return Ok(Self::Glb);
+        if let Some(format) = Self::by_first_words(text) {
+            return Ok(format);
         }
-        if text.trim_ascii_start().starts_with(b"{") {
-            return Ok(Self::Gltf);
-        }
-        if let Some((_, name)) = KNOWN.iter().find(|(magic, _)| text.starts_with(magic)) {
+        let first_word = text.trim_ascii_start();
+        if let Some((_, name)) = OTHERS.iter().find(|(magic, _)| first_word.starts_with(magic)) {
             return Err(Fault::UnknownFormat { recognised: Some(name) });
         }
         let sniffed = text.get(..SNIFFED).unwrap_or(text);
-        let named_obj = extension.is_some_and(|e| e.eq_ignore_ascii_case("obj"));
-        if !sniffed.contains(&0) && (named_obj || sniffed.split(|&b| b == b'\n').any(is_obj_line)) {
+        let is_text = !sniffed.contains(&0);
+        if is_text && sniffed.split(|&b| b == b'\n').any(is_obj_line) {
             return Ok(Self::Obj);
         }
-        Err(Fault::UnknownFormat { recognised: None })
+        match extension.and_then(Self::of_extension) {
+            // Comments alone, an OFF file without its keyword, a binary STL file cut short.
+            Some(format @ (Self::Obj | Self::Off)) if is_text => Ok(format),
+            Some(Self::Stl) if !is_text => Ok(Self::Stl),
+            _ => Err(Fault::UnknownFormat { recognised: None }),
+        }
+    }
+
+    fn by_first_words(text: &[u8]) -> Option<Self> {
+        let begins = |magic: &[u8]| {
+            text.get(..magic.len()).is_some_and(|head| head.eq_ignore_ascii_case(magic))
+        };
+        if text.starts_with(b"glTF") {
+            Some(Self::Glb)
+        } else if text.trim_ascii_start().starts_with(b"{") {
+            Some(Self::Gltf)
+        } else if begins(b"ply\n") || begins(b"ply\r") || begins(b"ply ") {
+            Some(Self::Ply)
+        } else if begins(b"# vtk datafile") {
+            Some(Self::Vtk)
+        } else if stl::is_exactly_binary(text) || stl::begins_as_text(text) {
+            Some(Self::Stl)
+        } else if off::has_header(text) {
+            Some(Self::Off)
+        } else {
+            None
+        }
     }
 }
 
@@ -68,23 +145,52 @@ fn is_obj_line(line: &[u8]) -> bool {
 mod tests {
     use super::*;
 
+    fn of(bytes: &[u8], extension: Option<&str>) -> Option<Format> {
+        Format::of(bytes, extension).ok()
+    }
+
     #[test]
     fn content_goes_before_extension() {
-        let of = |bytes: &[u8], extension| Format::of(bytes, extension).ok();
         assert_eq!(of(b"glTF\x02\0\0\0", Some("obj")), Some(Format::Glb));
         assert_eq!(of(b" \n{\"asset\":{}}", Some("txt")), Some(Format::Gltf));
         assert_eq!(of(b"# made\r\nv 0 0 0\r\n", None), Some(Format::Obj));
         assert_eq!(of(b"\xef\xbb\xbfo thing\n", Some("glb")), Some(Format::Obj));
-        // Nothing but a comment: only the extension can say what it is meant to be.
+        assert_eq!(of(b"ply\r\nformat", Some("stl")), Some(Format::Ply));
+        assert_eq!(of(b"# vtk DataFile Version 3.0\n", Some("obj")), Some(Format::Vtk));
+        assert_eq!(of(b" Solid part\n", Some("vtk")), Some(Format::Stl));
+        for header in ["OFF", "COFF", "NOFF", "STCNOFF", "4nOFF", "# made\n\nOFF 3 1 0", "OFF3 1"] {
+            assert_eq!(of(format!("{header}\n").as_bytes(), Some("ply")), Some(Format::Off));
+        }
+    }
+
+    #[test]
+    fn the_extension_decides_where_the_content_cannot() {
         assert_eq!(of(b"# nothing here\n", Some("OBJ")), Some(Format::Obj));
-        assert_eq!(of(b"# nothing here\n", None), None);
+        assert_eq!(of(b"3 1 0\n0 0 0\n", Some("off")), Some(Format::Off));
+        assert_eq!(of(b"any\0thing", Some("stl")), Some(Format::Stl));
+        for text in ["# nothing here\n", "3 1 0\n0 0 0\n", "any\0thing", "OFFER\n", "plywood"] {
+            assert_eq!(of(text.as_bytes(), None), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn an_stl_header_may_hold_anything() {
+        for header in ["solid", "ply-like", "v 1 2 3\n", ""] {
+            let mut bytes = header.as_bytes().to_vec();
+            bytes.resize(80, b' ');
+            bytes.extend(2_u32.to_le_bytes());
+            bytes.resize(84 + 100, 0);
+            assert_eq!(of(&bytes, None), Some(Format::Stl));
+        }
     }
 
     #[test]
     fn what_is_not_read_is_named() {
         let message = |bytes: &[u8]| Format::of(bytes, None).unwrap_err().to_string();
-        assert!(message(b"ply\nformat ascii 1.0\n").contains("PLY"));
+        assert!(message(b"<VTKFile type=\"PolyData\">").contains("XML kind"));
         assert!(message(b"").contains("empty"));
-        assert!(message(b"\x7fELF\0\0v 1 2 3\n").contains("neither OBJ nor glTF"));
+        let listed = "no mesh format that is read; \
+            convert the mesh to OBJ, OFF, PLY, STL, VTK, glTF or GLB";
+        assert!(message(b"\x7fELF\0\0v 1 2 3\n").contains(listed));
     }
 }

@@ -17,38 +17,21 @@ use gltf::{Accessor, Document, Node, Primitive, mesh::Mode};
 use self::accessor::Data;
 use self::transform::Affine;
 use crate::mesh::error::{Failure, Fault, Place};
-use crate::mesh::raw::{AccessorRun, Origin, PrimitiveRun, RawMesh};
+use crate::mesh::raw::{RawMesh, SameVertex, number, strip_corners};
 
 /// Reads a document; its buffers lie inside it or in files beside `path`.
 pub fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, Failure> {
     let (document, blob) = document::parse(bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let data = Data::new(buffers::resolve(&document, blob, folder)?, bytes.len());
-    let mut walk = Walk {
-        data,
-        positions: Vec::new(),
-        triangles: Vec::new(),
-        accessor_runs: Vec::new(),
-        primitive_runs: Vec::new(),
-        left_out: Vec::new(),
-    };
+    let mut walk = Walk { data, raw: RawMesh::new(SameVertex::Position) };
     walk.scene(&document)?;
-    Ok(RawMesh {
-        positions: walk.positions,
-        triangles: walk.triangles,
-        origin: Origin::Gltf { positions: walk.accessor_runs, triangles: walk.primitive_runs },
-        polygons: Vec::new(),
-        left_out: walk.left_out,
-    })
+    Ok(walk.raw)
 }
 
 struct Walk {
     data: Data,
-    positions: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
-    accessor_runs: Vec<AccessorRun>,
-    primitive_runs: Vec<PrimitiveRun>,
-    left_out: Vec<Place>,
+    raw: RawMesh,
 }
 
 impl Walk {
@@ -90,7 +73,7 @@ impl Walk {
             let (mesh, index) = (number(mesh.index())?, number(primitive.index())?);
             let place = Place::Primitive { mesh, primitive: index };
             if !is_surface(primitive.mode()) {
-                self.left_out.push(place);
+                self.raw.left_out.push(place);
                 continue;
             }
             let positions = primitive
@@ -103,11 +86,6 @@ impl Walk {
                     *seen.entry(positions.index()).or_insert(self.positions(&positions, placed)?)
                 }
             };
-            self.primitive_runs.push(PrimitiveRun {
-                first: number(self.triangles.len())?,
-                mesh,
-                primitive: index,
-            });
             self.primitive(&primitive, place, first, count, placed)?;
         }
         Ok(())
@@ -115,11 +93,12 @@ impl Walk {
 
     /// Appends the transformed positions of an accessor; returns the index of the first.
     fn positions(&mut self, accessor: &Accessor<'_>, placed: &Affine) -> Result<u32, Failure> {
-        let first = number(self.positions.len())?;
+        let first = number(self.raw.positions.len())?;
         let read = self.data.positions(accessor)?;
-        number(self.positions.len() + read.len())?;
-        self.accessor_runs.push(AccessorRun { first, accessor: number(accessor.index())? });
-        self.positions.extend(read.into_iter().map(|p| placed.apply(p)));
+        let accessor = number(accessor.index())?;
+        for (position, element) in read.into_iter().zip(0..) {
+            self.raw.position(placed.apply(position), Place::Element { accessor, element })?;
+        }
         Ok(first)
     }
 
@@ -137,23 +116,21 @@ impl Walk {
         };
         let mode = primitive.mode();
         if indices.len() < 3 || (mode == Mode::Triangles && !indices.len().is_multiple_of(3)) {
-            self.left_out.push(place);
+            self.raw.left_out.push(place);
         }
-        let base = self.triangles.len();
-        for triangle in Triangles::new(&indices, mode) {
-            let local = number(self.triangles.len() - base)?;
+        for (triangle, local) in Triangles::new(&indices, mode).zip(0..) {
+            let place = within(place, local);
             for index in triangle {
                 if index as usize >= count {
                     let fault = Fault::IndexOutOfRange { index: index.into(), vertices: count };
-                    return Err(Failure::at(within(place, local), fault));
+                    return Err(Failure::at(place, fault));
                 }
             }
             let [a, b, c] = triangle.map(|index| first + index);
             // A mirroring transform turns faces inside out; glTF asks to turn them back.
             let turned = if placed.mirrors() { [a, c, b] } else { [a, b, c] };
-            self.triangles.push(turned);
+            self.raw.triangle(turned, place)?;
         }
-        number(self.triangles.len())?;
         Ok(())
     }
 }
@@ -182,7 +159,7 @@ impl Iterator for Triangles<'_> {
         let i = self.next;
         self.next += 1;
         let corners = match self.mode {
-            Mode::TriangleStrip => [i, i + 1 + i % 2, i + 2 - i % 2],
+            Mode::TriangleStrip => strip_corners(i),
             Mode::TriangleFan => [i + 1, i + 2, 0],
             _ => [3 * i, 3 * i + 1, 3 * i + 2],
         };
@@ -196,10 +173,6 @@ fn within(place: Place, triangle: u32) -> Place {
         Place::Primitive { mesh, primitive } => Place::Triangle { mesh, primitive, triangle },
         other => other,
     }
-}
-
-fn number(count: usize) -> Result<u32, Fault> {
-    u32::try_from(count).map_err(|_| Fault::TooLarge)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use tobj::{LoadError, LoadOptions};
 
 use self::lines::{Geometry, Line, lines};
 use crate::mesh::error::{Failure, Fault, Place};
-use crate::mesh::raw::{Origin, RawMesh};
+use crate::mesh::raw::{RawMesh, SameVertex};
 
 /// Faces are kept whole, so that each can be told from its line; points and lines too, for the same reason.
 const OPTIONS: LoadOptions = LoadOptions {
@@ -21,12 +21,15 @@ const OPTIONS: LoadOptions = LoadOptions {
 
 /// Reads an OBJ file.
 pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
-    let (mut vertices, mut left_out) = (0_usize, Vec::new());
+    let mut raw = RawMesh::new(SameVertex::Index);
+    let mut vertices = 0_usize;
     for line in lines(text) {
         let number = u32::try_from(line.number).map_err(|_| Fault::TooLarge)?;
         match line.keyword() {
             b"v" => vertices += 1,
-            b"p" | b"l" | b"curv" | b"curv2" | b"surf" => left_out.push(Place::Line(number)),
+            b"p" | b"l" | b"curv" | b"curv2" | b"surf" => {
+                raw.left_out.push(Place::Line(number));
+            }
             _ => {}
         }
     }
@@ -40,34 +43,14 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
     };
 
     let mesh = mesh.unwrap_or_default();
-    let positions = mesh.positions.as_chunks().0.to_vec();
-    let faces = split_faces(&mesh, usize::from(vertices > 0));
-    let mut triangles = Vec::new();
-    let mut triangle_lines = Vec::new();
-    let mut polygons = Vec::new();
-    for (face, &line) in faces.zip(&geometry.faces) {
-        match face {
-            [first, rest @ ..] if rest.len() >= 2 => {
-                if rest.len() > 2 {
-                    polygons.push(Place::Line(line));
-                }
-                for pair in rest.windows(2) {
-                    if let [second, third] = *pair {
-                        triangles.push([*first, second, third]);
-                        triangle_lines.push(line);
-                    }
-                }
-            }
-            _ => left_out.push(Place::Line(line)),
-        }
+    for (&position, &line) in mesh.positions.as_chunks().0.iter().zip(&geometry.positions) {
+        raw.position(position, Place::Line(line))?;
     }
-    Ok(RawMesh {
-        positions,
-        triangles,
-        origin: Origin::Obj { positions: geometry.positions, triangles: triangle_lines },
-        polygons,
-        left_out,
-    })
+    let faces = split_faces(&mesh, usize::from(vertices > 0));
+    for (face, &line) in faces.zip(&geometry.faces) {
+        raw.face(face, Place::Line(line))?;
+    }
+    Ok(raw)
 }
 
 /// The corners of each face after the first `skipped`, as indices of positions. tobj leaves the arities out

@@ -1,25 +1,32 @@
 use super::*;
-use crate::mesh::raw::{AccessorRun, PrimitiveRun};
+
+fn raw(
+    same_vertex: SameVertex,
+    positions: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    places: [fn(u32) -> Place; 2],
+) -> RawMesh {
+    let mut raw = RawMesh::new(same_vertex);
+    for (position, index) in positions.into_iter().zip(0..) {
+        raw.position(position, places[0](index)).unwrap();
+    }
+    for (triangle, index) in triangles.into_iter().zip(0..) {
+        raw.triangle(triangle, places[1](index)).unwrap();
+    }
+    raw
+}
 
 fn obj(positions: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> RawMesh {
-    RawMesh {
-        origin: Origin::Obj {
-            positions: (1..).take(positions.len()).collect(),
-            triangles: (101..).take(triangles.len()).collect(),
-        },
-        positions,
-        triangles,
-        polygons: vec![],
-        left_out: vec![],
-    }
+    let places: [fn(u32) -> Place; 2] = [|i| Place::Line(i + 1), |i| Place::Line(i + 101)];
+    raw(SameVertex::Index, positions, triangles, places)
 }
 
 fn gltf(positions: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> RawMesh {
-    let origin = Origin::Gltf {
-        positions: vec![AccessorRun { first: 0, accessor: 4 }],
-        triangles: vec![PrimitiveRun { first: 0, mesh: 2, primitive: 1 }],
-    };
-    RawMesh { origin, ..obj(positions, triangles) }
+    let places: [fn(u32) -> Place; 2] = [
+        |element| Place::Element { accessor: 4, element },
+        |triangle| Place::Triangle { mesh: 2, primitive: 1, triangle },
+    ];
+    raw(SameVertex::Position, positions, triangles, places)
 }
 
 fn corners() -> Vec<[f64; 3]> {

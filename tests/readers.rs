@@ -1,0 +1,344 @@
+//! The same mesh in every format is the same mesh, and a damaged file of any format is an error or a mesh: never a
+//! panic, never more memory than its bytes can ask for.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::fmt::Write;
+use std::path::Path;
+
+use chladni::mesh::{Format, Ingested, TriMesh, load_bytes, sample::icosphere};
+use proptest::prelude::*;
+use proptest::sample::Index;
+
+// ---- writers
+
+/// `mesh` as the bytes of a file, with a name for each.
+fn files(mesh: &TriMesh) -> Vec<(&'static str, Vec<u8>)> {
+    vec![
+        ("a.obj", obj(mesh)),
+        ("a.off", off(mesh)),
+        ("ascii.ply", ply(mesh, "ascii")),
+        ("little.ply", ply(mesh, "binary_little_endian")),
+        ("big.ply", ply(mesh, "binary_big_endian")),
+        ("ascii.vtk", vtk_text(mesh)),
+        ("classic.vtk", vtk_binary(mesh, Cells::Classic)),
+        ("five.vtk", vtk_binary(mesh, Cells::Five)),
+        ("ascii.stl", stl_text(mesh)),
+        ("binary.stl", stl_binary(mesh)),
+    ]
+}
+
+/// One line a vertex and one a face, each after its prefix.
+fn lines(mesh: &TriMesh, prefixes: [&str; 2], base: u32) -> String {
+    let mut text = String::new();
+    for [x, y, z] in mesh.vertices() {
+        writeln!(text, "{}{x:?} {y:?} {z:?}", prefixes[0]).unwrap();
+    }
+    for face in mesh.faces() {
+        let [a, b, c] = face.map(|i| i + base);
+        writeln!(text, "{}{a} {b} {c}", prefixes[1]).unwrap();
+    }
+    text
+}
+
+fn obj(mesh: &TriMesh) -> Vec<u8> {
+    lines(mesh, ["v ", "f "], 1).into_bytes()
+}
+
+fn off(mesh: &TriMesh) -> Vec<u8> {
+    let counts = format!("OFF\n{} {} 0\n", mesh.n(), mesh.faces().len());
+    (counts + &lines(mesh, ["", "3 "], 0)).into_bytes()
+}
+
+fn ply(mesh: &TriMesh, format: &str) -> Vec<u8> {
+    let header = format!(
+        "ply\nformat {format} 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\
+         property double z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        mesh.n(),
+        mesh.faces().len(),
+    );
+    if format == "ascii" {
+        return (header + &lines(mesh, ["", "3 "], 0)).into_bytes();
+    }
+    let mut bytes = header.into_bytes();
+    let big = format == "binary_big_endian";
+    for c in mesh.vertices().iter().flatten() {
+        bytes.extend(if big { c.to_be_bytes() } else { c.to_le_bytes() });
+    }
+    for face in mesh.faces() {
+        bytes.push(3);
+        for i in face {
+            bytes.extend(if big { i.to_be_bytes() } else { i.to_le_bytes() });
+        }
+    }
+    bytes
+}
+
+fn vtk_text(mesh: &TriMesh) -> Vec<u8> {
+    let m = mesh.faces().len();
+    let text = lines(mesh, ["", "3 "], 0);
+    let (points, polygons) = text.split_at(text.match_indices('\n').nth(mesh.n() - 1).unwrap().0);
+    let n = mesh.n();
+    format!(
+        "# vtk DataFile Version 3.0\nany\nASCII\nDATASET POLYDATA\nPOINTS {n} float\n{points}\n\
+         POLYGONS {m} {}{polygons}",
+        4 * m
+    )
+    .into_bytes()
+}
+
+enum Cells {
+    Classic,
+    Five,
+}
+
+fn vtk_binary(mesh: &TriMesh, cells: Cells) -> Vec<u8> {
+    let (n, m) = (mesh.n(), mesh.faces().len());
+    let mut bytes =
+        format!("# vtk DataFile Version 5.1\nany\nBINARY\nDATASET POLYDATA\nPOINTS {n} double\n")
+            .into_bytes();
+    bytes.extend(mesh.vertices().iter().flatten().flat_map(|c| c.to_be_bytes()));
+    match cells {
+        Cells::Classic => {
+            bytes.extend(format!("\nPOLYGONS {m} {}\n", 4 * m).bytes());
+            for [a, b, c] in mesh.faces() {
+                bytes.extend([3, *a, *b, *c].iter().flat_map(|i| i.to_be_bytes()));
+            }
+        }
+        Cells::Five => {
+            let head = format!("\nPOLYGONS {} {}\nOFFSETS vtktypeint64\n", m + 1, 3 * m);
+            bytes.extend(head.bytes());
+            bytes.extend((0..=m as u64).flat_map(|i| (3 * i).to_be_bytes()));
+            bytes.extend(b"\nCONNECTIVITY vtktypeint64\n");
+            let corners = mesh.faces().iter().flatten();
+            bytes.extend(corners.flat_map(|&i| u64::from(i).to_be_bytes()));
+        }
+    }
+    bytes.push(b'\n');
+    bytes
+}
+
+fn stl_text(mesh: &TriMesh) -> Vec<u8> {
+    let mut text = "solid any\n".to_owned();
+    for &face in mesh.faces() {
+        text += "facet normal 0 0 0\nouter loop\n";
+        for [x, y, z] in mesh.corners(face) {
+            writeln!(text, "vertex {x:?} {y:?} {z:?}").unwrap();
+        }
+        text += "endloop\nendfacet\n";
+    }
+    (text + "endsolid any\n").into_bytes()
+}
+
+fn stl_binary(mesh: &TriMesh) -> Vec<u8> {
+    let mut bytes = b"solid, and yet binary".to_vec();
+    bytes.resize(80, b' ');
+    bytes.extend((mesh.faces().len() as u32).to_le_bytes());
+    for &face in mesh.faces() {
+        bytes.extend([0; 12]);
+        let corners = mesh.corners(face);
+        bytes.extend(corners.iter().flatten().flat_map(|&c| (c as f32).to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+// ---- laws
+
+fn read(name: &str, bytes: &[u8]) -> Ingested {
+    load_bytes(Path::new(name), bytes).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Vertices in the order in which faces use them, as STL has them.
+fn in_order_of_use(mesh: &TriMesh) -> TriMesh {
+    let mut order = Vec::new();
+    let mut faces = mesh.faces().to_vec();
+    for corner in faces.iter_mut().flatten() {
+        let at = order.iter().position(|v| v == corner).unwrap_or_else(|| {
+            order.push(*corner);
+            order.len() - 1
+        });
+        *corner = at as u32;
+    }
+    let vertices = order.iter().map(|&v| mesh.vertices()[v as usize]).collect();
+    TriMesh::new(vertices, faces).unwrap()
+}
+
+#[test]
+fn one_mesh_has_one_hash_in_every_format() {
+    let sphere = in_order_of_use(&icosphere(2));
+    for (name, bytes) in files(&sphere) {
+        let read = read(name, &bytes);
+        let extension = format!(".{}", name.split('.').nth(1).unwrap());
+        assert_eq!(read.format.extension(), extension, "{name}");
+        if name == "binary.stl" {
+            // In single precision it is another mesh of the same shape.
+            assert_eq!(read.mesh.faces(), sphere.faces());
+        } else {
+            assert_eq!(read.mesh.hash(), sphere.hash(), "{name}");
+        }
+        let stl = read.format == Format::Stl;
+        assert_eq!(read.repairs.is_empty(), !stl, "{name}: {}", read.repairs);
+        assert_eq!(read.vertex_map.len(), if stl { 3 * 320 } else { 162 }, "{name}");
+        assert!(read.topology.is_closed() && read.topology.euler_characteristic == 2, "{name}");
+    }
+}
+
+#[test]
+fn the_content_tells_the_format_whatever_the_name() {
+    for (name, bytes) in files(&icosphere(1)) {
+        let named = read(name, &bytes);
+        for other in ["a", "a.obj", "a.stl", "a.ply", "a.glb"] {
+            assert_eq!(read(other, &bytes), named, "{name} as {other}");
+        }
+    }
+}
+
+#[test]
+fn what_is_not_finite_names_the_vertex_in_every_format() {
+    let sphere = icosphere(0);
+    let [x, ..] = sphere.vertices()[1];
+    for (name, bytes) in files(&sphere) {
+        let patterns =
+            [x.to_le_bytes().to_vec(), x.to_be_bytes().to_vec(), (x as f32).to_le_bytes().to_vec()];
+        let text =
+            std::str::from_utf8(&bytes).map(|text| text.replacen(&format!("{x:?}"), "nan", 1));
+        let damaged = text.map(String::into_bytes).unwrap_or_else(|_| {
+            let mut bytes = bytes;
+            let at = patterns.iter().find_map(|p| bytes.windows(p.len()).position(|w| w == p));
+            let at = at.unwrap();
+            let end = if name == "binary.stl" { at + 4 } else { at + 8 };
+            bytes[at..end].fill(0xff);
+            bytes
+        });
+        let message = load_bytes(Path::new(name), &damaged).unwrap_err().to_string();
+        assert!(message.contains("NaN") && message.contains("is not finite"), "{message}");
+        assert!(message.contains("line ") || message.contains("vertex "), "{message}");
+    }
+}
+
+#[test]
+fn cut_files_are_errors_wherever_they_are_cut() {
+    for (name, bytes) in files(&icosphere(0)) {
+        // The last digits of a text may be cut and leave a number; OBJ has no counts to hold it to.
+        for cut in (0..bytes.len() - 8).filter(|_| name != "a.obj") {
+            let error = load_bytes(Path::new(name), &bytes[..cut]).unwrap_err().to_string();
+            assert!(error.len() > name.len() + 20 && !error.contains('\n'), "{cut}: {error}");
+        }
+    }
+}
+
+// ---- damage
+
+/// Counts what this thread has in memory, and the most that it had.
+struct Counting;
+
+thread_local! {
+    static LIVE: Cell<isize> = const { Cell::new(0) };
+    static PEAK: Cell<isize> = const { Cell::new(0) };
+}
+
+fn count(bytes: isize) {
+    // A thread that ends counts no more.
+    let _ = LIVE.try_with(|live| {
+        live.set(live.get() + bytes);
+        let _ = PEAK.try_with(|peak| peak.set(peak.get().max(live.get())));
+    });
+}
+
+// SAFETY: everything is passed on to the allocator of the system.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count(-(layout.size() as isize));
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Reads what may be damaged: an error has a message of one line, and memory stays in proportion.
+fn read_damaged(name: &str, bytes: &[u8]) {
+    let before = LIVE.get();
+    PEAK.set(before);
+    let result = load_bytes(Path::new(name), bytes);
+    let used = (PEAK.get() - before) as usize;
+    assert!(used < 512 * bytes.len() + (1 << 16), "{used} bytes for {} of {name}", bytes.len());
+    if let Err(error) = result {
+        let message = error.to_string();
+        assert!(message.len() > name.len() + 20 && !message.contains('\n'), "{message}");
+    }
+}
+
+/// A word that is put somewhere: what headers and lists are made of, and what they should not be.
+fn words() -> impl Strategy<Value = Vec<u8>> {
+    let known = prop::sample::select(vec![
+        "4000000000",
+        "-1",
+        "18446744073709551616",
+        "1e400",
+        "nan",
+        "\n",
+        " ",
+        "\r\n",
+        "#",
+        "OFFSETS",
+        "element x 4000000000\n",
+        "property list uchar int x\n",
+        "end_header\n",
+        "POINTS 9 float\n",
+        "CELLS 1 4\n",
+        "FIELD f 9\n",
+        "METADATA\n",
+        "endsolid",
+        "facet",
+        "COFF",
+        "\u{feff}",
+    ]);
+    prop_oneof![
+        known.prop_map(|word| word.as_bytes().to_vec()),
+        prop::collection::vec(any::<u8>(), 1..9),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    #[test]
+    fn damage_never_panics_nor_fills_the_memory(
+        file in any::<Index>(),
+        edits in prop::collection::vec((any::<Index>(), words(), any::<bool>()), 0..5),
+        cut in prop::option::of(any::<Index>()),
+    ) {
+        let mut files = files(&icosphere(0));
+        let (name, mut bytes) = files.swap_remove(file.index(files.len()));
+        for (at, word, insert) in edits {
+            // Half of the edits meet the first lines, where the counts are.
+            let at = at.index(if insert { bytes.len().min(256) } else { bytes.len() });
+            let replaced = if insert { 0 } else { word.len().min(bytes.len() - at) };
+            bytes.splice(at..at + replaced, word);
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        read_damaged(name, &bytes);
+    }
+
+    #[test]
+    fn random_bytes_after_any_beginning_never_panic(
+        file in any::<Index>(),
+        kept in 0_usize..400,
+        noise in prop::collection::vec(any::<u8>(), 0..2000),
+    ) {
+        let mut files = files(&icosphere(0));
+        let (name, mut bytes) = files.swap_remove(file.index(files.len()));
+        bytes.truncate(kept);
+        bytes.extend(noise);
+        read_damaged(name, &bytes);
+    }
+}
