@@ -1,5 +1,6 @@
 //! The documentation holds what the code does.
 
+use chladni::mesh::Format;
 use chladni::pipeline::Pipeline;
 
 /// The first TOML block of `docs/pipeline.md`: every option with its default.
@@ -34,5 +35,18 @@ fn every_pipeline_that_is_shipped_loads() {
                 assert!(input.exists(), "{}: {} is missing", path.display(), input.display());
             }
         }
+    }
+}
+
+#[test]
+fn every_list_of_formats_is_whole() {
+    let lists = [
+        ("docs/pipeline.md", Format::listed(Format::extension)),
+        ("src/cli/info.rs", Format::listed(Format::name)),
+        ("README.md", Format::listed(Format::name)),
+    ];
+    for (file, list) in lists {
+        let text = std::fs::read_to_string(file).unwrap();
+        assert!(text.contains(&list), "{file} does not say {list}");
     }
 }

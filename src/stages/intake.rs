@@ -4,8 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// File names that end so are meshes, when a folder is searched.
-const EXTENSIONS: [&str; 3] = ["obj", "gltf", "glb"];
+use crate::mesh::Format;
+
+/// A folder with this file holds the results of a mesh. What lies in it is no input, although its `eigen.ply` ends as
+/// meshes do: results may lie below the meshes that they are of.
+const RESULTS: &str = "eigen.npz";
 
 /// One mesh to be processed.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,7 +27,10 @@ pub enum IntakeError {
     #[error("there is no input: name meshes or folders under [input] paths, or with --input")]
     None,
     /// Folders without a mesh.
-    #[error("no mesh was found under {searched}; meshes end in .obj, .gltf or .glb")]
+    #[error(
+        "no mesh was found under {searched}; meshes end in {}",
+        Format::listed(Format::extension)
+    )]
     Empty { searched: String },
     /// A folder that cannot be listed.
     #[error("{path}: the folder cannot be read ({source}); check its permissions")]
@@ -82,6 +88,9 @@ fn search(root: &Path, folder: &Path, jobs: &mut Vec<Job>) -> Result<(), IntakeE
     let mut entries = std::fs::read_dir(folder)
         .and_then(|entries| entries.collect::<io::Result<Vec<_>>>())
         .map_err(unreadable)?;
+    if entries.iter().any(|entry| entry.file_name() == RESULTS) {
+        return Ok(());
+    }
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();
@@ -101,9 +110,7 @@ fn search(root: &Path, folder: &Path, jobs: &mut Vec<Job>) -> Result<(), IntakeE
 }
 
 fn is_mesh(path: &Path) -> bool {
-    path.extension()
-        .and_then(|e| e.to_str())
-        .is_some_and(|e| EXTENSIONS.contains(&e.to_ascii_lowercase().as_str()))
+    path.extension().and_then(|e| e.to_str()).and_then(Format::of_extension).is_some()
 }
 
 #[cfg(test)]
@@ -113,14 +120,16 @@ mod tests {
     #[test]
     fn folders_are_searched_in_order_and_names_are_relative() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["b.obj", "a/c.GLB", "a/notes.txt", ".hidden/d.obj", "a/.e.obj"] {
+        let results = ["out/b.obj/eigen.ply", "out/b.obj/eigen.npz"];
+        let others = ["b.obj", "a/c.GLB", "a/notes.txt", ".hidden/d.obj", "a/.e.obj"];
+        for name in results.into_iter().chain(others).chain(["d.off", "e.ply", "f.stl", "g.vtk"]) {
             let path = dir.path().join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, "").unwrap();
         }
         let found = jobs(&[dir.path().into(), "missing.obj".into()]).unwrap();
         let names: Vec<&str> = found.iter().map(|job| job.name.as_str()).collect();
-        assert_eq!(names, ["a/c.GLB", "b.obj", "missing.obj"]);
+        assert_eq!(names, ["a/c.GLB", "b.obj", "d.off", "e.ply", "f.stl", "g.vtk", "missing.obj"]);
     }
 
     #[test]
