@@ -4,8 +4,8 @@ use rkyv::{Archive, Deserialize, Serialize};
 
 use crate::ggnn::block::{Block, TrainingRecord};
 use crate::ggnn::network::TrunkShape;
-use crate::mesh::TriMesh;
 use crate::mesh::trimesh::InvalidMesh;
+use crate::mesh::{Area, TriMesh};
 use crate::operators::{MassKind, Operators, Sparse};
 use crate::remesh::Family;
 use crate::spectrum::certificate::{Completeness, PairCertificate, References};
@@ -24,7 +24,7 @@ macro_rules! artifact {
 }
 
 artifact!(FamilyArtifact, "remesh", version 1, schema 1);
-artifact!(OperatorsArtifact, "assemble", version 1, schema 1);
+artifact!(OperatorsArtifact, "assemble", version 1, schema 2);
 artifact!(BlockArtifact, "train", version 1, schema 1);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 1, schema 1);
@@ -96,8 +96,10 @@ pub struct OperatorsArtifact {
     adjacency: SparseParts,
     stiffness: SparseParts,
     mass: SparseParts,
-    consistent: bool,
+    /// Its place in [`MassKind::ALL`].
+    mass_kind: u8,
     boundary: Vec<u32>,
+    area: f64,
 }
 
 impl From<&Operators> for OperatorsArtifact {
@@ -106,8 +108,9 @@ impl From<&Operators> for OperatorsArtifact {
             adjacency: (&operators.adjacency).into(),
             stiffness: (&operators.stiffness).into(),
             mass: (&operators.mass).into(),
-            consistent: operators.mass_kind == MassKind::Consistent,
+            mass_kind: operators.mass_kind as u8,
             boundary: operators.boundary.clone(),
+            area: operators.area.0,
         }
     }
 }
@@ -118,8 +121,9 @@ impl From<OperatorsArtifact> for Operators {
             adjacency: artifact.adjacency.into(),
             stiffness: artifact.stiffness.into(),
             mass: artifact.mass.into(),
-            mass_kind: if artifact.consistent { MassKind::Consistent } else { MassKind::Lumped },
+            mass_kind: MassKind::ALL[artifact.mass_kind as usize],
             boundary: artifact.boundary,
+            area: Area(artifact.area),
         }
     }
 }
