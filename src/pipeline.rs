@@ -322,7 +322,7 @@ impl Pipeline {
     }
 
     fn check_operators(&self) -> Result<(), PipelineError> {
-        let OperatorOptions { laplacian, mass } = self.operators;
+        let OperatorOptions { laplacian, mass, robust: _ } = self.operators;
         if let (Some(mass), Err(_)) = (mass, self.operators.mass_kind()) {
             let rule = "\"degree\" belongs to the graph Laplacian, and the other masses to the others; \"auto\" always fits";
             return Err(PipelineError::Value {

@@ -6,12 +6,12 @@ use super::{Pattern, Sparse};
 /// The adjacency W of (5), n×n: W_ij = 1/deg(i) for every edge (i, j). Rows sum to one.
 pub fn adjacency(pattern: &Pattern) -> Sparse {
     let n = pattern.n();
-    let entries = (0..n).flat_map(|row| pattern.row(row)).count();
+    let entries = pattern.places() - n;
     let (mut pointers, mut columns) = (Vec::with_capacity(n + 1), Vec::with_capacity(entries));
     let mut values = Vec::with_capacity(entries);
     pointers.push(0);
     for (row, degree) in pattern.degrees().enumerate() {
-        columns.extend(pattern.row(row).iter().filter(|&&column| column != row));
+        columns.extend(pattern.row(row).iter().map(|&c| c as usize).filter(|&c| c != row));
         values.resize(columns.len(), 1.0 / degree);
         pointers.push(columns.len());
     }
@@ -26,12 +26,11 @@ pub fn graph_laplacian(adjacency: &Sparse) -> Sparse {
 /// D − A, n×n, symmetric positive semi-definite: the stiffness whose pencil with the mass D has the eigenpairs of
 /// I − W.
 pub fn graph_stiffness(pattern: &Pattern) -> Sparse {
-    let rows = pattern.degrees().enumerate();
-    let entries = rows.flat_map(|(row, degree)| {
-        let value = move |column| if column == row { degree } else { -1.0 };
-        pattern.row(row).iter().map(move |&column| (row as u32, column as u32, value(column)))
+    let values = pattern.degrees().enumerate().flat_map(|(row, degree)| {
+        let columns = pattern.row(row).iter();
+        columns.map(move |&column| if column as usize == row { degree } else { -1.0 })
     });
-    pattern.assemble(entries)
+    pattern.matrix(values.collect())
 }
 
 #[cfg(test)]
@@ -56,7 +55,7 @@ mod tests {
         let laplacian = graph_laplacian(&adjacency(&pattern));
         let stiffness = graph_stiffness(&pattern);
         for (row, degree) in pattern.degrees().enumerate() {
-            for &column in pattern.row(row) {
+            for column in pattern.row(row).iter().map(|&column| column as usize) {
                 let scaled = degree * laplacian.get(row, column).unwrap();
                 assert!((stiffness.get(row, column).unwrap() - scaled).abs() < 1e-14);
             }

@@ -1,10 +1,14 @@
 //! All operators of one mesh, in the form that the store keeps.
 
 use super::adjacency::{adjacency, graph_laplacian, graph_stiffness};
+use super::gluing::Gluing;
+use super::intrinsic::IntrinsicTriangulation;
 use super::mass::mass;
 use super::stiffness::cotangent_stiffness;
-use super::{Laplacian, MassKind, OperatorError, OperatorOptions, Pattern, Sparse, Triangle};
-use crate::mesh::{Area, Topology, TriMesh};
+use super::{
+    Laplacian, MassKind, OperatorError, OperatorOptions, Pattern, Quality, Sparse, Triangle,
+};
+use crate::mesh::{Area, TriMesh};
 
 /// The discrete operators of a mesh with n vertices.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,8 +25,10 @@ pub struct Operators {
     pub mass_kind: MassKind,
     /// The vertices on the boundary, ascending.
     pub boundary: Vec<u32>,
-    /// The area of the surface, whichever the mass.
+    /// The area of the triangles, whichever the mass.
     pub area: Area,
+    /// How good the triangles are.
+    pub quality: Quality,
 }
 
 impl Operators {
@@ -36,19 +42,34 @@ impl Operators {
     ) -> Result<Self, OperatorError> {
         let options = options.into();
         let mass_kind = options.mass_kind()?;
-        let pattern = Pattern::of_mesh(mesh);
-        let triangles = Triangle::of_mesh(mesh)?;
+        let edges = Pattern::of_mesh(mesh);
+        let (gluing, boundary) = Gluing::of(&edges, mesh.faces());
+        let (triangles, gluing, remedies) = if options.robust {
+            let (intrinsic, remedies) = IntrinsicTriangulation::robust(mesh, &edges, gluing);
+            (intrinsic.triangles()?, intrinsic.into_gluing(), Some(remedies))
+        } else {
+            (Triangle::of_mesh(mesh)?, gluing, None)
+        };
+        let adjacency = adjacency(&edges);
+        let geometric = options.laplacian != Laplacian::Graph;
+        let pattern = match remedies {
+            Some(remedies) if geometric && remedies.flips > 0 => {
+                Pattern::of(mesh.n(), triangles.iter().map(|triangle| triangle.vertices))
+            }
+            _ => edges,
+        };
         let stiffness = match options.laplacian {
             Laplacian::Fem | Laplacian::Cotangent => cotangent_stiffness(&pattern, &triangles),
             Laplacian::Graph => graph_stiffness(&pattern),
         };
         Ok(Self {
-            adjacency: adjacency(&pattern),
-            stiffness,
+            adjacency,
             mass: mass(mass_kind, &pattern, &triangles),
             mass_kind,
-            boundary: Topology::of(mesh).boundary_vertices,
+            boundary,
             area: Area(triangles.iter().map(|triangle| triangle.area).sum()),
+            quality: Quality::of(&triangles, &gluing, &stiffness, remedies),
+            stiffness,
         })
     }
 
@@ -103,7 +124,8 @@ mod tests {
     #[test]
     fn fem_and_cotangent_with_one_mass_are_one() {
         let assemble = |laplacian, mass| {
-            Operators::assemble(&square_with_a_centre(), OperatorOptions { laplacian, mass })
+            let options = OperatorOptions { laplacian, mass, robust: false };
+            Operators::assemble(&square_with_a_centre(), options)
         };
         let fem = assemble(Laplacian::Fem, None).unwrap();
         assert_eq!(fem.mass_kind, MassKind::Consistent);

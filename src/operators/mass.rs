@@ -34,7 +34,7 @@ impl MassKind {
 }
 
 /// The mass matrix B, n×n, symmetric positive definite. Its entries sum to the area, in squared input units; those
-/// of [`MassKind::Degree`] to twice the number of edges.
+/// of [`MassKind::Degree`] to twice the number of edges. The pattern is that of the triangles.
 pub fn mass(kind: MassKind, pattern: &Pattern, triangles: &[Triangle]) -> Sparse {
     let share = |share: fn(&Triangle) -> [f64; 3]| diagonal(shared(pattern.n(), triangles, share));
     match kind {
@@ -78,13 +78,9 @@ fn diagonal(values: Vec<f64>) -> Sparse {
 
 /// (11) with positive entries: |τ|/12 off the diagonal and |τ|/6 on it, for every triangle.
 fn consistent(pattern: &Pattern, triangles: &[Triangle]) -> Sparse {
-    let entries = triangles.iter().flat_map(|&Triangle { vertices, area, .. }| {
-        (0..3).flat_map(move |i| {
-            [0, 1, 2].map(|j| {
-                let value = if i == j { area / 6.0 } else { area / 12.0 };
-                (vertices[i], vertices[j], value)
-            })
-        })
+    let entries = triangles.iter().enumerate().flat_map(|(face, &Triangle { area, .. })| {
+        let value = move |i, j| if i == j { area / 6.0 } else { area / 12.0 };
+        (0..3).flat_map(move |i| [0, 1, 2].map(|j| (face, i, j, value(i, j))))
     });
     pattern.assemble(entries)
 }

@@ -52,6 +52,9 @@ pub struct OperatorOptions {
     /// `lumped` (6), `voronoi`, `consistent` (11) or `degree`; `auto` is the Laplacian's own.
     #[serde(with = "auto")]
     pub mass: Option<MassKind>,
+    /// Whether they are assembled on the mollified intrinsic Delaunay triangulation of the mesh. The graph Laplacian
+    /// stays that of the mesh.
+    pub robust: bool,
 }
 
 impl OperatorOptions {
@@ -69,14 +72,14 @@ impl OperatorOptions {
     }
 }
 
-/// A mass and the Laplacian that it goes with.
+/// A mass and the Laplacian that it goes with, on the triangles of the mesh.
 impl From<MassKind> for OperatorOptions {
     fn from(mass: MassKind) -> Self {
         let laplacian = match mass {
             MassKind::Degree => Laplacian::Graph,
             MassKind::Lumped | MassKind::Voronoi | MassKind::Consistent => Laplacian::Cotangent,
         };
-        Self { laplacian, mass: Some(mass) }
+        Self { laplacian, mass: Some(mass), robust: false }
     }
 }
 
@@ -116,8 +119,7 @@ mod tests {
 
     #[test]
     fn a_mass_that_does_not_fit_is_named_with_those_that_do() {
-        let options =
-            OperatorOptions { laplacian: Laplacian::Graph, mass: Some(MassKind::Voronoi) };
+        let options = OperatorOptions { laplacian: Laplacian::Graph, ..MassKind::Voronoi.into() };
         assert_eq!(
             options.mass_kind().unwrap_err().to_string(),
             "the graph Laplacian has no voronoi mass; leave the mass out, or choose degree"

@@ -3,14 +3,15 @@
 use super::{Pattern, Sparse, Triangle};
 
 /// The cotangent stiffness L, n×n, symmetric positive semi-definite, unit-free: L_ij = −w_ij with
-/// w_ij = (cot α_ij + cot β_ij)/2 (6), and rows that sum to zero.
+/// w_ij = (cot α_ij + cot β_ij)/2 (6), and rows that sum to zero. The pattern is that of the triangles.
 pub fn cotangent_stiffness(pattern: &Pattern, triangles: &[Triangle]) -> Sparse {
-    let entries = triangles.iter().flat_map(|&Triangle { vertices, cotangents, .. }| {
+    let entries = triangles.iter().enumerate().flat_map(|(face, triangle)| {
+        let cotangents = triangle.cotangents;
         // Corner i is opposite to the edge (j, k).
         [(0, 1, 2), (1, 2, 0), (2, 0, 1)].into_iter().flat_map(move |(i, j, k)| {
             let half = 0.5 * cotangents[i];
-            let (a, b) = (vertices[j], vertices[k]);
-            [(a, b, -half), (b, a, -half), (a, a, half), (b, b, half)]
+            [(j, k, -half), (k, j, -half), (j, j, half), (k, k, half)]
+                .map(|(row, column, value)| (face, row, column, value))
         })
     });
     pattern.assemble(entries)

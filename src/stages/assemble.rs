@@ -82,6 +82,7 @@ fn operators_of(
     let options = context.pipeline.operators;
     let work = Work::<OperatorsArtifact>::of_stage()
         .param("mass", options.mass_kind()?.name())
+        .param("robust", options.robust.to_string())
         .input("mesh", &Digest::from_bytes(*mesh.hash().as_bytes()))
         .seeded(0, "f64");
     context.recall(item, work, || Ok((&Operators::assemble(mesh, options)?).into()))
