@@ -90,8 +90,9 @@ fn family(members: usize, vertices: usize) -> Vec<Member> {
     let recipe = FamilyRecipe { members, vertices, ..FamilyRecipe::default() };
     let family = Family::of(&mesh, &recipe).expect("spot simplifies");
     let member = |mesh: &TriMesh| {
-        let operators = Operators::assemble(mesh, MassKind::Lumped);
-        let area = operators.area().0;
+        let operators =
+            Operators::assemble(mesh, MassKind::Lumped).expect("its triangles are round");
+        let area = operators.total_mass();
         Member {
             input: NetworkInput::new(&coordinates(mesh, Normalise::Area), &operators.adjacency),
             stiffness: operators.stiffness,

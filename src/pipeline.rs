@@ -8,7 +8,7 @@ use toml::{Table, Value};
 use crate::ggnn::features::Normalise;
 use crate::ggnn::network::{Ranges, TrunkShape};
 use crate::ggnn::{features, recipe::Ritz};
-use crate::operators::MassKind;
+use crate::operators::{Laplacian, OperatorOptions};
 use crate::remesh::FamilyRecipe;
 use crate::spectrum::mpgd::Stopping;
 
@@ -20,7 +20,7 @@ pub struct Pipeline {
     pub input: Input,
     /// The variants that a model is trained on.
     pub family: FamilyRecipe,
-    /// The discrete operators.
+    /// `[operators]`: which Laplacian, with which mass.
     pub operators: OperatorOptions,
     /// What the network reads.
     pub features: FeatureOptions,
@@ -38,14 +38,6 @@ pub struct Pipeline {
 pub struct Input {
     /// Mesh files, or folders that are searched for them; relative to the pipeline file.
     pub paths: Vec<PathBuf>,
-}
-
-/// `[operators]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub struct OperatorOptions {
-    /// `lumped` (6) or `consistent` (11).
-    pub mass: MassKind,
 }
 
 /// `[features]`
@@ -271,6 +263,7 @@ impl Pipeline {
     }
 
     fn check(&self) -> Result<(), PipelineError> {
+        self.check_operators()?;
         let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
         for (key, value) in [
             ("train.k", k),
@@ -324,6 +317,27 @@ impl Pipeline {
                 let rule = "must not be negative";
                 return Err(PipelineError::Value { key, value: value.to_string(), rule });
             }
+        }
+        Ok(())
+    }
+
+    fn check_operators(&self) -> Result<(), PipelineError> {
+        let OperatorOptions { laplacian, mass, robust: _ } = self.operators;
+        if let (Some(mass), Err(_)) = (mass, self.operators.mass_kind()) {
+            let rule = "\"degree\" belongs to the graph Laplacian, and the other masses to the others; \"auto\" always fits";
+            return Err(PipelineError::Value {
+                key: "operators.mass",
+                value: mass.name().into(),
+                rule,
+            });
+        }
+        if laplacian == Laplacian::Graph {
+            let rule = "cannot be trained: its spectrum belongs to the sampling of a mesh, which every variant changes; choose \"cotangent\" or \"fem\"";
+            return Err(PipelineError::Value {
+                key: "operators.laplacian",
+                value: laplacian.name().into(),
+                rule,
+            });
         }
         Ok(())
     }
@@ -411,6 +425,7 @@ fn nearest(key: &str, known: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operators::MassKind;
 
     fn parse(text: &str, set: &[&str]) -> Result<Pipeline, PipelineError> {
         let set: Vec<String> = set.iter().map(ToString::to_string).collect();
@@ -426,7 +441,7 @@ mod tests {
     fn assignments_win_over_the_file() {
         let pipeline =
             parse("[train]\nk = 4", &["train.k=10", "operators.mass=consistent"]).unwrap();
-        assert_eq!((pipeline.train.k, pipeline.operators.mass), (10, MassKind::Consistent));
+        assert_eq!((pipeline.train.k, pipeline.operators.mass), (10, Some(MassKind::Consistent)));
     }
 
     #[test]
@@ -453,5 +468,15 @@ mod tests {
         assert!(parse("[train]\nk = \"many\"", &[]).unwrap_err().to_string().contains("line 2"));
         assert!(parse("", &["train.k"]).unwrap_err().to_string().contains("KEY=VALUE"));
         assert!(parse("", &["verify.angle_tolerance=nan"]).is_err());
+    }
+
+    #[test]
+    fn a_laplacian_takes_its_own_masses_only_and_the_graph_is_not_trained() {
+        let message = |set: &[&str]| parse("", set).unwrap_err().to_string();
+        let graph = "operators.laplacian=graph";
+        assert!(message(&["operators.mass=degree"]).starts_with("operators.mass = degree: "));
+        assert!(message(&[graph, "operators.mass=lumped"]).starts_with("operators.mass = lumped"));
+        assert!(message(&[graph]).starts_with("operators.laplacian = graph: cannot be trained"));
+        assert!(parse("", &["operators.laplacian=fem", "operators.mass=voronoi"]).is_ok());
     }
 }

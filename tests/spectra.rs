@@ -8,7 +8,7 @@ use chladni::spectrum::mpgd::{self, Direction, Stopping};
 use chladni::spectrum::{Dense, Eigenpairs, Pencil, fem};
 
 fn lowest(mesh: &TriMesh, kind: MassKind, count: usize) -> Eigenpairs {
-    let operators = Operators::assemble(mesh, kind);
+    let operators = Operators::assemble(mesh, kind).unwrap();
     let pencil = Pencil::from(&operators);
     fem::lowest(pencil, &Analysis::new(pencil).unwrap(), count).unwrap()
 }
@@ -65,7 +65,7 @@ fn the_spectrum_does_not_depend_on_units() {
 
 /// A certificate of `vectors` on the unit sphere with 642 vertices, K = 9: degrees 0, 1 and 2.
 fn certificate(change: impl Fn(&Eigenpairs) -> Dense) -> chladni::spectrum::Certificate {
-    let operators = Operators::assemble(&icosphere(3), MassKind::Lumped);
+    let operators = Operators::assemble(&icosphere(3), MassKind::Lumped).unwrap();
     let pencil = Pencil::from(&operators);
     let analysis = Analysis::new(pencil).unwrap();
     let fem = reference_past_gap(pencil, &analysis, 9).unwrap();
@@ -112,7 +112,7 @@ fn both_residual_bounds_contain_an_eigenvalue_whatever_the_perturbation() {
                 let noise = ((i * 31 + j * 17) as f64 * f64::from(seed)).sin();
                 fem.vectors[(i, j)] + amount * noise
             });
-            let operators = Operators::assemble(&icosphere(3), MassKind::Lumped);
+            let operators = Operators::assemble(&icosphere(3), MassKind::Lumped).unwrap();
             chladni::spectrum::eigenpairs::normalise_columns(&operators.mass, &mut vectors);
             vectors
         });
@@ -122,5 +122,43 @@ fn both_residual_bounds_contain_an_eigenvalue_whatever_the_perturbation() {
             let energy = |l: &f64| (l - theta).abs() <= pair.rho * (l + theta) * (1.0 + 1e-9);
             assert!(all.iter().any(energy), "{pair:?}");
         }
+    }
+}
+
+/// A grid of `n` × `n` vertices on the unit square, all diagonals one way.
+fn grid(n: usize) -> TriMesh {
+    let step = 1.0 / (n - 1) as f64;
+    let vertices =
+        (0..n * n).map(|v| [(v % n) as f64 * step, (v / n) as f64 * step, 0.0]).collect();
+    let corners = (0..n - 1).flat_map(|j| (0..n - 1).map(move |i| (j * n + i) as u32));
+    let faces = corners.flat_map(|v| {
+        let (right, above) = (v + 1, v + n as u32);
+        [[v, right, above + 1], [v, above + 1, above]]
+    });
+    TriMesh::new(vertices, faces.collect()).unwrap()
+}
+
+#[test]
+fn the_square_has_the_eigenvalues_that_libigl_publishes() {
+    // libigl, tests/include/igl/spectra/eigs.cpp: Voronoi mass, no boundary condition.
+    let expected = [9.76979543268, 9.76979543268, 19.53959086537, 37.90080021473];
+    let found = lowest(&grid(10), MassKind::Voronoi, 5).values;
+    assert!(found[0].abs() < 1e-10);
+    for (found, expected) in found[1..].iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+    // In closed form: 4 sin²(π/18)/h², with h = 1/9.
+    let second = 324.0 * (std::f64::consts::PI / 18.0).sin().powi(2);
+    assert!((found[1] - second).abs() < 1e-11);
+}
+
+#[test]
+fn the_graph_laplacian_of_the_icosahedron_has_its_known_eigenvalues() {
+    // The adjacency of the icosahedron has eigenvalues 5, √5 (3 times), −1 (5 times), −√5 (3 times); degrees are 5.
+    let root = 5.0_f64.sqrt();
+    let adjacency = [vec![5.0], vec![root; 3], vec![-1.0; 5], vec![-root; 3]].concat();
+    let found = lowest(&icosphere(0), MassKind::Degree, 12).values;
+    for (found, adjacency) in found.iter().zip(adjacency) {
+        assert!((found - (1.0 - adjacency / 5.0)).abs() < 1e-12, "{found}");
     }
 }

@@ -69,11 +69,11 @@ fn pseudo_inverse(gram: &Dense) -> Dense {
 mod tests {
     use super::*;
     use crate::mesh::sample::icosphere;
-    use crate::operators::{MassKind, mass::mass};
+    use crate::operators::{MassKind, Operators};
 
     #[test]
     fn what_is_left_is_orthogonal_and_deflating_twice_changes_nothing() {
-        let b = mass(&icosphere(1), MassKind::Consistent);
+        let b = Operators::assemble(&icosphere(1), MassKind::Consistent).unwrap().mass;
         let n = b.rows();
         let phi = Dense::from_fn(n, 3, |i, j| ((i * (j + 2)) as f64 * 0.37).sin() + 0.5);
         let deflation = Deflation::new(&b, phi);

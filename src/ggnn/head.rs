@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn coordinates_hold_the_first_eigenfunctions_of_the_sphere() {
         let mesh = icosphere(3);
-        let operators = Operators::assemble(&mesh, MassKind::Lumped);
+        let operators = Operators::assemble(&mesh, MassKind::Lumped).unwrap();
         let (l, b) = (Graph::new(&operators.stiffness), Graph::new(&operators.mass));
         let constant = Deflation::new(&operators.mass, Dense::from_fn(mesh.n(), 1, |_, _| 1.0));
         let features: Vec<f32> =

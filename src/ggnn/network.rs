@@ -131,14 +131,14 @@ mod tests {
     use super::super::ops::finite_differences::{check, values, weighted_sum};
     use super::*;
     use crate::mesh::sample::icosphere;
-    use crate::operators::adjacency::adjacency;
+    use crate::operators::{Pattern, adjacency::adjacency};
 
     const SHAPE: TrunkShape = TrunkShape { inputs: 3, width: 4, layers: 2, iterations: 2 };
 
     #[test]
     fn the_whole_trunk_matches_finite_differences() {
         let mesh = icosphere(0);
-        let graph = Arc::new(Graph::new(&adjacency(&mesh)));
+        let graph = Arc::new(Graph::new(&adjacency(&Pattern::of_mesh(&mesh))));
         let positions: Vec<f64> = mesh.vertices().iter().flatten().copied().collect();
         let inputs: Vec<Vec<f64>> = parameter_sizes(SHAPE)
             .into_iter()

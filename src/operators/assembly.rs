@@ -1,35 +1,76 @@
 //! All operators of one mesh, in the form that the store keeps.
 
-use super::adjacency::{adjacency, graph_laplacian};
-use super::mass::{MassKind, mass, row_sums};
-use super::{Sparse, stiffness::cotangent_stiffness};
-use crate::mesh::{Area, Topology, TriMesh};
+use super::adjacency::{adjacency, graph_laplacian, graph_stiffness};
+use super::gluing::Gluing;
+use super::intrinsic::IntrinsicTriangulation;
+use super::mass::mass;
+use super::stiffness::cotangent_stiffness;
+use super::{
+    Laplacian, MassKind, OperatorError, OperatorOptions, Pattern, Quality, Sparse, Triangle,
+};
+use crate::mesh::{Area, TriMesh};
 
 /// The discrete operators of a mesh with n vertices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Operators {
     /// The row-normalised adjacency W of (5), n×n.
     pub adjacency: Sparse,
-    /// The cotangent stiffness L of (6), n×n, symmetric positive semi-definite, unit-free.
+    /// The stiffness L, n×n, symmetric positive semi-definite, unit-free: cotangents (6), or D − A for the graph
+    /// Laplacian.
     pub stiffness: Sparse,
-    /// The mass B of (6) or (11), n×n, symmetric positive definite, squared input units.
+    /// The mass B, n×n, symmetric positive definite, in squared input units; the degrees D, without a unit, for the
+    /// graph Laplacian.
     pub mass: Sparse,
     /// Which mass `mass` is.
     pub mass_kind: MassKind,
     /// The vertices on the boundary, ascending.
     pub boundary: Vec<u32>,
+    /// The area of the triangles, whichever the mass.
+    pub area: Area,
+    /// How good the triangles are.
+    pub quality: Quality,
 }
 
 impl Operators {
     /// Assembles the operators of `mesh`, in input units.
-    pub fn assemble(mesh: &TriMesh, mass_kind: MassKind) -> Self {
-        Self {
-            adjacency: adjacency(mesh),
-            stiffness: cotangent_stiffness(mesh),
-            mass: mass(mesh, mass_kind),
+    ///
+    /// # Errors
+    /// When the mass does not go with the Laplacian, or a face has no angles: [`OperatorError`].
+    pub fn assemble(
+        mesh: &TriMesh,
+        options: impl Into<OperatorOptions>,
+    ) -> Result<Self, OperatorError> {
+        let options = options.into();
+        let mass_kind = options.mass_kind()?;
+        let edges = Pattern::of_mesh(mesh);
+        let (gluing, boundary) = Gluing::of(&edges, mesh.faces());
+        let (triangles, gluing, remedies) = if options.robust {
+            let (intrinsic, remedies) = IntrinsicTriangulation::robust(mesh, &edges, gluing);
+            (intrinsic.triangles()?, intrinsic.into_gluing(), Some(remedies))
+        } else {
+            (Triangle::of_mesh(mesh)?, gluing, None)
+        };
+        let adjacency = adjacency(&edges);
+        let geometric = options.laplacian != Laplacian::Graph;
+        let pattern = match remedies {
+            Some(remedies) if geometric && remedies.flips > 0 => {
+                Pattern::of(mesh.n(), triangles.iter().map(|triangle| triangle.vertices))
+            }
+            _ => edges,
+        };
+        let stiffness = match options.laplacian {
+            Laplacian::Fem | Laplacian::Cotangent => cotangent_stiffness(&pattern, &triangles),
+            Laplacian::Graph => graph_stiffness(&pattern),
+        };
+        Ok(Self {
+            adjacency,
+            mass: mass(mass_kind, &pattern, &triangles),
             mass_kind,
-            boundary: Topology::of(mesh).boundary_vertices,
-        }
+            boundary,
+            area: Area(triangles.iter().map(|triangle| triangle.area).sum()),
+            quality: Quality::of(&triangles, &gluing, &stiffness, remedies),
+            stiffness,
+        })
     }
 
     /// The normalised graph Laplacian I − W of (5), n×n.
@@ -42,9 +83,10 @@ impl Operators {
         self.stiffness.rows()
     }
 
-    /// The surface area: the sum of all entries of the mass.
-    pub fn area(&self) -> Area {
-        Area(row_sums(&self.mass).iter().sum())
+    /// 1ᵀB1, the scale of the pencil: divided by it, the mass adds up to 1. To rounding it is the area, but for the
+    /// graph Laplacian, where it is the sum of the degrees.
+    pub fn total_mass(&self) -> f64 {
+        super::mass::row_sums(&self.mass).iter().sum()
     }
 }
 
@@ -52,17 +94,42 @@ impl Operators {
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_operators_of_a_square_with_a_centre() {
+    fn square_with_a_centre() -> TriMesh {
         let corners = [[0., 0., 0.], [2., 0., 0.], [2., 2., 0.], [0., 2., 0.], [1., 1., 0.]];
         let faces = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
-        let operators =
-            Operators::assemble(&TriMesh::new(corners.to_vec(), faces).unwrap(), MassKind::Lumped);
+        TriMesh::new(corners.to_vec(), faces).unwrap()
+    }
+
+    #[test]
+    fn the_operators_of_a_square_with_a_centre() {
+        let operators = Operators::assemble(&square_with_a_centre(), MassKind::Lumped).unwrap();
         assert_eq!(operators.boundary, [0, 1, 2, 3]);
-        assert_eq!(operators.area(), Area(4.0));
+        assert_eq!((operators.area, operators.total_mass()), (Area(4.0), 4.0));
         let laplacian = operators.graph_laplacian();
         assert_eq!(laplacian.get(4, 4), Some(&1.0));
         assert_eq!(laplacian.get(4, 0), Some(&-0.25));
         assert!((laplacian.get(0, 4).unwrap() + 1.0 / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_graph_pencil_has_degrees_for_a_mass_and_keeps_the_area_apart() {
+        let operators = Operators::assemble(&square_with_a_centre(), MassKind::Degree).unwrap();
+        assert_eq!(operators.mass.data(), [3.0, 3.0, 3.0, 3.0, 4.0]);
+        assert_eq!((operators.area, operators.total_mass()), (Area(4.0), 16.0));
+        assert_eq!(operators.stiffness.get(4, 4), Some(&4.0));
+        assert_eq!(operators.stiffness.get(0, 1), Some(&-1.0));
+        assert_eq!(operators.stiffness.get(0, 2), None);
+    }
+
+    #[test]
+    fn fem_and_cotangent_with_one_mass_are_one() {
+        let assemble = |laplacian, mass| {
+            let options = OperatorOptions { laplacian, mass, robust: false };
+            Operators::assemble(&square_with_a_centre(), options)
+        };
+        let fem = assemble(Laplacian::Fem, None).unwrap();
+        assert_eq!(fem.mass_kind, MassKind::Consistent);
+        assert_eq!(assemble(Laplacian::Cotangent, Some(MassKind::Consistent)), Ok(fem));
+        assert!(assemble(Laplacian::Fem, Some(MassKind::Degree)).is_err());
     }
 }

@@ -1,46 +1,39 @@
-//! Discrete Laplacians of a mesh: adjacency and graph Laplacian (5), cotangent stiffness (4, 6), lumped (6)
-//! and consistent (11) mass.
+//! Discrete Laplacians of a mesh: graph (5), cotangent (7) and finite elements (12), each as a pencil (L, B).
 //!
-//! - [`adjacency`]: W and I − W
+//! - [`options`]: which Laplacian, with which mass
+//! - [`triangle`]: angles and area of every triangle, which all geometry comes from
+//! - [`pattern`]: where the entries of the matrices stand
+//! - [`adjacency`]: W, I − W and D − A
 //! - [`stiffness`]: the cotangent stiffness L
 //! - [`mass`]: the mass matrices B
+//! - [`gluing`]: which sides of triangles are one edge
+//! - [`intrinsic`]: better triangles on the same surface
+//! - [`quality`]: how good the triangles are
 //! - [`assembly`]: all of them for one mesh, as the pipeline caches them
+//! - [`error`]: why a mesh has none
 
 pub mod adjacency;
 pub mod assembly;
+pub mod error;
+pub mod gluing;
+pub mod intrinsic;
 pub mod mass;
+pub mod options;
+pub mod pattern;
+pub mod quality;
 pub mod stiffness;
+pub mod triangle;
 
 pub use assembly::Operators;
+pub use error::OperatorError;
 pub use mass::MassKind;
+pub use options::{Laplacian, OperatorOptions};
+pub use pattern::Pattern;
+pub use quality::Quality;
+pub use triangle::Triangle;
 
 /// A square sparse matrix in compressed rows, columns sorted within a row.
 pub type Sparse = sprs::CsMat<f64>;
 
-/// Builds an n×n sparse matrix from the entries that the triangles contribute, adding up duplicates in the
-/// order of contribution.
-fn assemble(n: usize, entries: impl Iterator<Item = (u32, u32, f64)>) -> Sparse {
-    let mut triplets: Vec<(u32, u32, f64)> = entries.collect();
-    triplets.sort_by_key(|&(row, column, _)| (row, column));
-    let mut indptr = Vec::with_capacity(n + 1);
-    let mut indices = Vec::with_capacity(triplets.len() / 2);
-    let mut data: Vec<f64> = Vec::with_capacity(triplets.len() / 2);
-    let mut last = None;
-    indptr.push(0);
-    for (row, column, value) in triplets {
-        while indptr.len() <= row as usize {
-            indptr.push(indices.len());
-        }
-        if last == Some((row, column)) {
-            if let Some(sum) = data.last_mut() {
-                *sum += value;
-            }
-        } else {
-            indices.push(column as usize);
-            data.push(value);
-            last = Some((row, column));
-        }
-    }
-    indptr.resize(n + 1, indices.len());
-    Sparse::new((n, n), indptr, indices, data)
-}
+#[cfg(test)]
+mod laws;

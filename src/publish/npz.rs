@@ -7,7 +7,7 @@
 //! | `evals`      | float64 | (K,)  | λ by k, 1/(input unit)²; ascending inside every cluster         |
 //! | `evecs`      | float64 | (n,K) | φ, one a column, φᵀBφ = 1, C order                             |
 //! | `mass`       | float64 | (n,)  | the row sums of B: vertex areas, squared input units           |
-//! | `mass_kind`  | str     | ()    | which B: `lumped` or `consistent`                              |
+//! | `mass_kind`  | str     | ()    | which B: `lumped`, `voronoi`, `consistent` or `degree`         |
 //! | `vertices`   | float64 | (n,3) | positions, input units                                         |
 //! | `faces`      | int64   | (m,3) | triangles, zero-based                                          |
 //! | `k`          | int64   | (K,)  | 1 … K                                                          |
@@ -120,7 +120,8 @@ fn text(npz: &mut NpzWriter<impl Write + Seek>, name: &str, value: &str) -> io::
 mod tests {
     use super::*;
     use crate::mesh::sample::icosphere;
-    use crate::operators::mass::{mass, row_sums};
+    use crate::operators::Operators;
+    use crate::operators::mass::row_sums;
     use crate::spectrum::Dense;
 
     fn bytes() -> Vec<u8> {
@@ -134,7 +135,7 @@ mod tests {
         EigenArrays {
             mesh: &mesh,
             pairs: &pairs,
-            mass: &row_sums(&mass(&mesh, kind)),
+            mass: &row_sums(&Operators::assemble(&mesh, kind).unwrap().mass),
             mass_kind: kind,
             vertex_map: &[1, -1, 0],
         }

@@ -185,7 +185,7 @@ mod tests {
     fn the_factor_solves_what_it_was_made_from() {
         for kind in [MassKind::Lumped, MassKind::Consistent] {
             for levels in [1, 3] {
-                let operators = Operators::assemble(&icosphere(levels), kind);
+                let operators = Operators::assemble(&icosphere(levels), kind).unwrap();
                 let pencil = Pencil::from(&operators);
                 let analysis = Analysis::new(pencil).unwrap();
                 let mu = 0.7;

@@ -233,7 +233,7 @@ mod tests {
     use crate::operators::{MassKind, Operators};
 
     fn solve(levels: u32, kind: MassKind, count: usize) -> Eigenpairs {
-        let operators = Operators::assemble(&icosphere(levels), kind);
+        let operators = Operators::assemble(&icosphere(levels), kind).unwrap();
         let pencil = Pencil::from(&operators);
         lowest(pencil, &Analysis::new(pencil).unwrap(), count).unwrap()
     }
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn vectors_are_orthonormal_and_solve_the_pencil() {
-        let operators = Operators::assemble(&icosphere(3), MassKind::Consistent);
+        let operators = Operators::assemble(&icosphere(3), MassKind::Consistent).unwrap();
         let pencil = Pencil::from(&operators);
         let pairs = lowest(pencil, &Analysis::new(pencil).unwrap(), 25).unwrap();
         let gram = inner(&pairs.vectors, &product(pencil.mass, &pairs.vectors));

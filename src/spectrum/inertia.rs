@@ -33,7 +33,7 @@ mod tests {
     #[test]
     fn the_sphere_has_l_plus_one_squared_eigenvalues_up_to_degree_l() {
         for levels in [2, 4] {
-            let operators = Operators::assemble(&icosphere(levels), MassKind::Lumped);
+            let operators = Operators::assemble(&icosphere(levels), MassKind::Lumped).unwrap();
             let analysis = Analysis::new(Pencil::from(&operators)).unwrap();
             for l in 0..4_usize {
                 // Halfway between l(l+1) and (l+1)(l+2).

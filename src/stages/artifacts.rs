@@ -4,9 +4,10 @@ use rkyv::{Archive, Deserialize, Serialize};
 
 use crate::ggnn::block::{Block, TrainingRecord};
 use crate::ggnn::network::TrunkShape;
-use crate::mesh::TriMesh;
 use crate::mesh::trimesh::InvalidMesh;
-use crate::operators::{MassKind, Operators, Sparse};
+use crate::mesh::{Area, TriMesh};
+use crate::operators::intrinsic::Remedies;
+use crate::operators::{MassKind, Operators, Quality, Sparse};
 use crate::remesh::Family;
 use crate::spectrum::certificate::{Completeness, PairCertificate, References};
 use crate::spectrum::mpgd::{Run, StoppedBy};
@@ -24,7 +25,7 @@ macro_rules! artifact {
 }
 
 artifact!(FamilyArtifact, "remesh", version 1, schema 1);
-artifact!(OperatorsArtifact, "assemble", version 1, schema 1);
+artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
 artifact!(BlockArtifact, "train", version 1, schema 1);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 1, schema 1);
@@ -96,9 +97,15 @@ pub struct OperatorsArtifact {
     adjacency: SparseParts,
     stiffness: SparseParts,
     mass: SparseParts,
-    consistent: bool,
+    /// Its place in [`MassKind::ALL`].
+    mass_kind: u8,
     boundary: Vec<u32>,
+    area: f64,
+    quality: QualityParts,
 }
+
+/// minimum angle, negative weights, edges that are not Delaunay; mollification and flips.
+type QualityParts = (f64, u64, u64, Option<(f64, u64)>);
 
 impl From<&Operators> for OperatorsArtifact {
     fn from(operators: &Operators) -> Self {
@@ -106,8 +113,10 @@ impl From<&Operators> for OperatorsArtifact {
             adjacency: (&operators.adjacency).into(),
             stiffness: (&operators.stiffness).into(),
             mass: (&operators.mass).into(),
-            consistent: operators.mass_kind == MassKind::Consistent,
+            mass_kind: operators.mass_kind as u8,
             boundary: operators.boundary.clone(),
+            area: operators.area.0,
+            quality: quality_parts(&operators.quality),
         }
     }
 }
@@ -118,9 +127,28 @@ impl From<OperatorsArtifact> for Operators {
             adjacency: artifact.adjacency.into(),
             stiffness: artifact.stiffness.into(),
             mass: artifact.mass.into(),
-            mass_kind: if artifact.consistent { MassKind::Consistent } else { MassKind::Lumped },
+            mass_kind: MassKind::ALL[artifact.mass_kind as usize],
             boundary: artifact.boundary,
+            area: Area(artifact.area),
+            quality: quality_of(artifact.quality),
         }
+    }
+}
+
+fn quality_parts(quality: &Quality) -> QualityParts {
+    let remedies = quality.remedies.map(|done| (done.mollification, done.flips as u64));
+    let counts = [quality.negative_weights, quality.non_delaunay_edges].map(|count| count as u64);
+    (quality.min_angle_degrees, counts[0], counts[1], remedies)
+}
+
+fn quality_of((min_angle_degrees, negative, crossed, remedies): QualityParts) -> Quality {
+    let remedies =
+        remedies.map(|(mollification, flips)| Remedies { mollification, flips: flips as usize });
+    Quality {
+        min_angle_degrees,
+        negative_weights: negative as usize,
+        non_delaunay_edges: crossed as usize,
+        remedies,
     }
 }
 

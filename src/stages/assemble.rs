@@ -46,7 +46,7 @@ pub struct TrainingSet {
 /// Assembles or recalls the operators of a mesh and of its family.
 ///
 /// # Errors
-/// When the run is interrupted.
+/// When a mesh has no operators, or the run is interrupted.
 pub fn assemble(context: &Context, item: usize, familied: Familied) -> Result<Assembled, Failure> {
     let started = Instant::now();
     let Familied { mut loaded, family, family_digest } = familied;
@@ -79,21 +79,22 @@ fn operators_of(
     item: usize,
     mesh: &TriMesh,
 ) -> Result<Recalled<OperatorsArtifact>, Failure> {
-    let kind = context.pipeline.operators.mass;
+    let options = context.pipeline.operators;
     let work = Work::<OperatorsArtifact>::of_stage()
-        .param("mass", kind.name())
+        .param("mass", options.mass_kind()?.name())
+        .param("robust", options.robust.to_string())
         .input("mesh", &Digest::from_bytes(*mesh.hash().as_bytes()))
         .seeded(0, "f64");
-    context.recall(item, work, || Ok((&Operators::assemble(mesh, kind)).into()))
+    context.recall(item, work, || Ok((&Operators::assemble(mesh, options)?).into()))
 }
 
-/// A member as training sees it: the mass scaled to unit area (Proposition 1).
+/// A member as training sees it: the mass scaled to add up to 1, a surface of unit area (Proposition 1).
 fn member(context: &Context, mesh: &TriMesh, operators: Operators) -> Member {
-    let area = operators.area().0;
+    let total = operators.total_mass();
     Member {
         input: network_input(context, mesh, &operators),
         stiffness: operators.stiffness,
-        mass: operators.mass.map(|b| b / area),
+        mass: operators.mass.map(|b| b / total),
     }
 }
 

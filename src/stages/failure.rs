@@ -3,6 +3,7 @@
 use crate::flow::Panicked;
 use crate::ggnn::train::TrainError;
 use crate::mesh::MeshError;
+use crate::operators::OperatorError;
 use crate::publish::PublishError;
 use crate::remesh::FamilyError;
 use crate::spectrum::SpectrumError;
@@ -22,6 +23,9 @@ pub enum Failure {
         "a variant of the mesh has {n} vertices, too few for train.k = {k} eigenpairs; raise family.vertices"
     )]
     CoarseFamily { n: usize, k: usize },
+    /// The mesh, or a variant of it, has no operators.
+    #[error(transparent)]
+    Operators(#[from] OperatorError),
     /// No family could be made of it.
     #[error(transparent)]
     Family(#[from] FamilyError),

@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn gradients_match_finite_differences() {
-        let operators = Operators::assemble(&icosphere(0), MassKind::Consistent);
+        let operators = Operators::assemble(&icosphere(0), MassKind::Consistent).unwrap();
         let (n, h) = (operators.n(), 3);
         // Two earlier "eigenfunctions" that are not B-orthonormal, as predictions are not.
         let phi = Dense::from_fn(n, 2, |i, j| values(n, j as u64 + 5)[i]);
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn its_gradient_is_that_of_the_quotient_itself() {
-        let operators = Operators::assemble(&icosphere(0), MassKind::Lumped);
+        let operators = Operators::assemble(&icosphere(0), MassKind::Lumped).unwrap();
         let (n, h) = (operators.n(), 3);
         let deflation = Deflation::new(&operators.mass, Dense::from_fn(n, 1, |_, _| 1.0));
         let member = Arc::new(MemberPencil {

@@ -135,13 +135,14 @@ mod tests {
     use super::super::finite_differences::{check, values, weighted_sum};
     use super::*;
     use crate::mesh::sample::icosphere;
+    use crate::operators::Pattern;
     use crate::operators::adjacency::{adjacency, graph_laplacian};
 
     const H: usize = 4;
 
     #[test]
     fn gradients_match_finite_differences_for_one_two_and_three_iterations() {
-        let graph = Arc::new(Graph::new(&adjacency(&icosphere(0))));
+        let graph = Arc::new(Graph::new(&adjacency(&Pattern::of_mesh(&icosphere(0)))));
         let n = graph.n();
         for iterations in 1..=3 {
             let scaled = |seed| values(H * H, seed).iter().map(|v| 0.3 * v).collect();
@@ -163,7 +164,7 @@ mod tests {
 
     #[test]
     fn one_iteration_is_equation_29_written_out() {
-        let w = adjacency(&icosphere(0));
+        let w = adjacency(&Pattern::of_mesh(&icosphere(0)));
         let laplacian = graph_laplacian(&w);
         let (n, graph) = (w.rows(), Arc::new(Graph::<f64>::new(&w)));
         let (x, w1, w2) = (values(n * H, 1), values(H * H, 2), values(H * H, 3));

@@ -1,0 +1,170 @@
+use super::*;
+use crate::mesh::sample::icosphere;
+use crate::mesh::{Area, load};
+use crate::operators::{MassKind, OperatorOptions, Operators};
+
+const ROBUST: OperatorOptions = OperatorOptions {
+    laplacian: crate::operators::Laplacian::Cotangent,
+    mass: Some(MassKind::Consistent),
+    robust: true,
+};
+
+fn glued(mesh: &TriMesh) -> (Pattern, Gluing) {
+    let pattern = Pattern::of_mesh(mesh);
+    let gluing = Gluing::of(&pattern, mesh.faces()).0;
+    (pattern, gluing)
+}
+
+/// A sphere drawn out to a spindle: the fewer its vertices and the longer it is, the wilder the flips.
+fn spindle(levels: u32, length: f64) -> TriMesh {
+    let mesh = icosphere(levels);
+    let vertices =
+        mesh.vertices().iter().map(|&[x, y, z]| [x, y + 0.1 * x, length * (z + 0.2 * y)]);
+    TriMesh::new(vertices.collect(), mesh.faces().to_vec()).unwrap()
+}
+
+/// Spot, with a new vertex close to an edge in every seventh triangle.
+fn spot_with_slivers() -> TriMesh {
+    let mesh = load("tests/data/meshes/spot_829.obj".as_ref()).unwrap().mesh;
+    let (mut vertices, mut faces) = (mesh.vertices().to_vec(), Vec::new());
+    for (f, &face) in mesh.faces().iter().enumerate() {
+        let ([a, b, c], [p, q, r]) = (face, mesh.corners(face));
+        if f % 7 == 0 {
+            let near = |i: usize| 0.5 * p[i] + 0.499 * q[i] + 0.001 * r[i];
+            let new = vertices.len() as u32;
+            vertices.push(std::array::from_fn(near));
+            faces.extend([[a, b, new], [b, c, new], [c, a, new]]);
+        } else {
+            faces.push(face);
+        }
+    }
+    TriMesh::new(vertices, faces).unwrap()
+}
+
+/// What holds of every triangulation, whatever was done to it.
+fn assert_whole(triangulation: &IntrinsicTriangulation) {
+    for side in (0..triangulation.vertices.len()).flat_map(|f| [0, 1, 2].map(|i| Side::new(f, i))) {
+        let Some(mate) = triangulation.gluing.mate(side) else { continue };
+        let back = triangulation.gluing.mate(mate.side).unwrap();
+        assert_eq!((back.side, back.run), (side, mate.run));
+        assert_eq!(triangulation.length(mate.side), triangulation.length(side));
+        let ends = |side: Side| [side, side.next()].map(|side| triangulation.start(side));
+        let [start, end] = ends(mate.side);
+        let against = if mate.run == super::super::gluing::Run::Against {
+            [end, start]
+        } else {
+            [start, end]
+        };
+        assert_eq!(ends(side), against);
+    }
+}
+
+#[test]
+fn a_kite_cut_along_its_length_is_cut_across() {
+    let vertices = vec![[-2., 0., 0.], [2., 0., 0.], [0., 1., 0.], [0., -1., 0.]];
+    // The second triangle either way round.
+    for second in [[1, 0, 3], [0, 1, 3], [3, 0, 1]] {
+        let mesh = TriMesh::new(vertices.clone(), vec![[0, 1, 2], second]).unwrap();
+        let operators = Operators::assemble(&mesh, ROBUST).unwrap();
+        let across = TriMesh::new(vertices.clone(), vec![[0, 3, 2], [1, 2, 3]]).unwrap();
+        let expected = Operators::assemble(&across, MassKind::Consistent).unwrap();
+        assert_eq!(operators.quality.remedies, Some(Remedies { mollification: 0.0, flips: 1 }));
+        for i in 0..4 {
+            for j in 0..4 {
+                for (found, expected) in
+                    [(&operators.stiffness, &expected.stiffness), (&operators.mass, &expected.mass)]
+                {
+                    let [found, expected] = [found, expected].map(|m| m.get(i, j).unwrap_or(&0.0));
+                    assert!((found - expected).abs() < 1e-14, "({i}, {j}): {found} {expected}");
+                }
+            }
+        }
+        // The network still sees the mesh's own edges.
+        let own = Operators::assemble(&mesh, MassKind::Lumped).unwrap();
+        assert_eq!(operators.adjacency, own.adjacency);
+    }
+}
+
+#[test]
+fn a_delaunay_mesh_stays_as_it_is() {
+    for mesh in
+        [icosphere(2), load("tests/data/meshes/gc_hourglass_ico.obj".as_ref()).unwrap().mesh]
+    {
+        let own = Operators::assemble(&mesh, MassKind::Consistent).unwrap();
+        let robust = Operators::assemble(&mesh, ROBUST).unwrap();
+        assert_eq!(own.quality.non_delaunay_edges, 0);
+        assert_eq!(robust.quality.remedies, Some(Remedies { mollification: 0.0, flips: 0 }));
+        for (a, b) in [(&own.stiffness, &robust.stiffness), (&own.mass, &robust.mass)] {
+            assert_eq!((a.indptr(), a.indices()), (b.indptr(), b.indices()));
+            let worst = a.data().iter().zip(b.data()).map(|(a, b)| (a - b).abs());
+            assert!(worst.fold(0.0, f64::max) < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn flips_keep_the_surface_and_leave_no_negative_weight() {
+    let moebius = load("tests/data/meshes/gc_moebius.obj".as_ref()).unwrap().mesh;
+    let meshes = [spindle(0, 3.0), spindle(1, 8.0), spindle(2, 20.0), spindle(3, 5.0), moebius];
+    for (number, mesh) in meshes.iter().enumerate() {
+        let mut triangulation = IntrinsicTriangulation::of_mesh(mesh, glued(mesh).1);
+        let area = |triangulation: &IntrinsicTriangulation| -> f64 {
+            triangulation.triangles().unwrap().iter().map(|triangle| triangle.area).sum()
+        };
+        let before = area(&triangulation);
+        let edges = triangulation.gluing.edges().count();
+        let flips = triangulation.flip_to_delaunay();
+        assert!(flips > 0, "mesh {number}");
+        assert_whole(&triangulation);
+        assert_eq!(triangulation.gluing.edges().count(), edges);
+        assert!((area(&triangulation) / before - 1.0).abs() < 1e-12, "mesh {number}");
+        let operators = Operators::assemble(mesh, ROBUST).unwrap();
+        assert_eq!(operators.quality.non_delaunay_edges, 0, "mesh {number}");
+        if operators.boundary.is_empty() {
+            assert_eq!(operators.quality.negative_weights, 0, "mesh {number}");
+        }
+    }
+}
+
+#[test]
+fn flips_may_make_an_edge_from_a_vertex_to_itself() {
+    let mesh = spindle(1, 100.0);
+    let mut triangulation = IntrinsicTriangulation::of_mesh(&mesh, glued(&mesh).1);
+    triangulation.flip_to_delaunay();
+    assert_whole(&triangulation);
+    assert!(triangulation.vertices.iter().any(|[a, b, c]| a == b || b == c || c == a));
+    // Constants stay in the kernel, and the mass adds up to the area.
+    let operators = Operators::assemble(&mesh, ROBUST).unwrap();
+    for row in operators.stiffness.outer_iterator() {
+        let scale: f64 = row.data().iter().map(|entry| entry.abs()).sum();
+        assert!(row.data().iter().sum::<f64>().abs() < 1e-13 * scale);
+    }
+    assert!((operators.total_mass() / operators.area.0 - 1.0).abs() < 1e-13);
+}
+
+#[test]
+fn mollification_is_the_least_that_leaves_room_everywhere() {
+    let (pattern, gluing) = glued(&spot_with_slivers());
+    let mesh = spot_with_slivers();
+    let mean = mean_edge_length(&mesh, &pattern);
+    let mut triangulation = IntrinsicTriangulation::of_mesh(&mesh, gluing);
+    let epsilon = triangulation.mollify(mean);
+    assert!(epsilon > 0.0);
+    let slack =
+        triangulation.lengths.iter().flat_map(|&[a, b, c]| [a + b - c, b + c - a, c + a - b]);
+    let least = slack.fold(f64::INFINITY, f64::min);
+    assert!((least / (1e-5 * mean) - 1.0).abs() < 1e-9);
+    assert_eq!(triangulation.mollify(0.9 * mean), 0.0);
+}
+
+#[test]
+fn slivers_are_no_obstacle() {
+    let mesh = spot_with_slivers();
+    let own = Operators::assemble(&mesh, MassKind::Lumped).unwrap();
+    let robust = Operators::assemble(&mesh, ROBUST).unwrap();
+    assert!(own.quality.non_delaunay_edges > 200 && own.quality.min_angle_degrees < 0.2);
+    assert_eq!((robust.quality.negative_weights, robust.quality.non_delaunay_edges), (0, 0));
+    let Area(area) = robust.area;
+    assert!((area / own.area.0 - 1.0).abs() < 1e-3);
+    assert_eq!(robust.boundary, own.boundary);
+}

@@ -1,0 +1,142 @@
+//! Which Laplacian: the choice between (5), (7) and (12), and the mass that goes with each.
+
+use serde::{Deserialize, Serialize};
+
+use super::{MassKind, OperatorError};
+
+/// A discrete Laplacian, as the symmetric pencil (L, B) of (8) that has its eigenpairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Laplacian {
+    /// (12): the cotangent stiffness, by default with the consistent mass.
+    Fem,
+    /// (7): the cotangent stiffness, by default with the lumped mass.
+    #[default]
+    Cotangent,
+    /// (5): I − W, as (D − A, D). It sees edges and no lengths: its eigenvalues are numbers without a unit, at most 2.
+    Graph,
+}
+
+impl Laplacian {
+    /// The mass that it has unless another is asked for.
+    pub fn default_mass(self) -> MassKind {
+        match self {
+            Self::Fem => MassKind::Consistent,
+            Self::Cotangent => MassKind::Lumped,
+            Self::Graph => MassKind::Degree,
+        }
+    }
+
+    /// Whether it can have this mass. The three masses made of areas go with the cotangent stiffness, by whichever
+    /// name it is asked for; the degrees go with the graph.
+    pub fn accepts(self, mass: MassKind) -> bool {
+        (self == Self::Graph) == (mass == MassKind::Degree)
+    }
+
+    /// The name used in files, tables and keys.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fem => "fem",
+            Self::Cotangent => "cotangent",
+            Self::Graph => "graph",
+        }
+    }
+}
+
+/// Which operators are assembled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct OperatorOptions {
+    /// `fem` (12), `cotangent` (7) or `graph` (5).
+    pub laplacian: Laplacian,
+    /// `lumped` (6), `voronoi`, `consistent` (11) or `degree`; `auto` is the Laplacian's own.
+    #[serde(with = "auto")]
+    pub mass: Option<MassKind>,
+    /// Whether they are assembled on the mollified intrinsic Delaunay triangulation of the mesh. The graph Laplacian
+    /// stays that of the mesh.
+    pub robust: bool,
+}
+
+impl OperatorOptions {
+    /// The mass that is meant.
+    ///
+    /// # Errors
+    /// [`OperatorError::Mass`] when the Laplacian cannot have the one that was asked for.
+    pub fn mass_kind(&self) -> Result<MassKind, OperatorError> {
+        let laplacian = self.laplacian;
+        match self.mass {
+            None => Ok(laplacian.default_mass()),
+            Some(mass) if laplacian.accepts(mass) => Ok(mass),
+            Some(mass) => Err(OperatorError::Mass { laplacian, mass }),
+        }
+    }
+}
+
+/// A mass and the Laplacian that it goes with, on the triangles of the mesh.
+impl From<MassKind> for OperatorOptions {
+    fn from(mass: MassKind) -> Self {
+        let laplacian = match mass {
+            MassKind::Degree => Laplacian::Graph,
+            MassKind::Lumped | MassKind::Voronoi | MassKind::Consistent => Laplacian::Cotangent,
+        };
+        Self { laplacian, mass: Some(mass), robust: false }
+    }
+}
+
+/// `auto` for no choice.
+mod auto {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use super::MassKind;
+
+    const NAMES: [&str; 5] = ["auto", "lumped", "voronoi", "consistent", "degree"];
+
+    pub fn serialize<S: Serializer>(mass: &Option<MassKind>, out: S) -> Result<S::Ok, S::Error> {
+        out.serialize_str(mass.map_or("auto", MassKind::name))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<MassKind>, D::Error> {
+        let name = String::deserialize(from)?;
+        let mass = MassKind::ALL.into_iter().find(|mass| mass.name() == name);
+        let known = mass.is_some() || name == "auto";
+        if known { Ok(mass) } else { Err(D::Error::unknown_variant(&name, &NAMES)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_laplacian_accepts_its_own_mass_and_the_graph_no_other() {
+        for laplacian in [Laplacian::Fem, Laplacian::Cotangent, Laplacian::Graph] {
+            assert!(laplacian.accepts(laplacian.default_mass()));
+            let accepted = MassKind::ALL.into_iter().filter(|&mass| laplacian.accepts(mass));
+            assert_eq!(accepted.count(), if laplacian == Laplacian::Graph { 1 } else { 3 });
+        }
+    }
+
+    #[test]
+    fn a_mass_that_does_not_fit_is_named_with_those_that_do() {
+        let options = OperatorOptions { laplacian: Laplacian::Graph, ..MassKind::Voronoi.into() };
+        assert_eq!(
+            options.mass_kind().unwrap_err().to_string(),
+            "the graph Laplacian has no voronoi mass; leave the mass out, or choose degree"
+        );
+    }
+
+    #[test]
+    fn masses_are_read_and_written_by_name() {
+        let options = |text: &str| toml::from_str::<OperatorOptions>(text);
+        assert_eq!(options("mass = \"auto\"").unwrap().mass, None);
+        assert_eq!(options("mass = \"voronoi\"").unwrap().mass, Some(MassKind::Voronoi));
+        let error = options("mass = \"lumpy\"").unwrap_err().to_string();
+        assert!(error.contains("lumpy") && error.contains("auto"), "{error}");
+        for mass in MassKind::ALL {
+            assert!(error.contains(mass.name()), "{error}");
+            let written = toml::to_string(&OperatorOptions::from(mass)).unwrap();
+            assert_eq!(options(&written).unwrap(), OperatorOptions::from(mass));
+        }
+    }
+}
