@@ -20,7 +20,7 @@ fn spheres(c: &mut Criterion) {
     let operators = Operators::assemble(&mesh, MassKind::Lumped).expect("its triangles are round");
     let pencil = Pencil::from(&operators);
     group.bench_function("analyse and factorise", |b| {
-        b.iter(|| Analysis::new(pencil).and_then(|a| a.cholesky(0.1).map(drop)));
+        b.iter(|| Analysis::new(pencil).and_then(|a| a.positive(0.1).map(drop)));
     });
     group.bench_function("lowest 50 eigenpairs", |b| {
         b.iter(|| fem::lowest(pencil, &Analysis::new(pencil)?, 50));
@@ -41,7 +41,7 @@ fn spot(c: &mut Criterion) {
     let mut group = c.benchmark_group("spot, 829 vertices");
     group.sample_size(10);
     let analysis = Analysis::new(pencil).expect("spot is well conditioned");
-    let factor = analysis.cholesky(1.0 / pencil.area()).expect("spot is well conditioned");
+    let factor = analysis.positive(1.0 / pencil.area()).expect("spot is well conditioned");
     for (name, direction) in [
         ("M-PGD, 8 eigenpairs, gradient", Direction::Gradient),
         ("M-PGD, 8 eigenpairs, preconditioned", Direction::Preconditioned(&factor)),

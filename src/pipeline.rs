@@ -52,6 +52,8 @@ pub struct FeatureOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Train {
+    /// `lep-dpinn`: blocks are trained, and predict; `fem`: the reference solver alone.
+    pub method: Method,
     /// K: eigenpairs, the constant included.
     pub k: usize,
     /// Seeds the initial weights and the order of batches.
@@ -79,10 +81,21 @@ pub struct Train {
     pub shards: usize,
 }
 
+/// `train.method`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The paper's network, trained for every mesh.
+    LepDpinn,
+    /// Finite elements and an eigensolver, without any training.
+    Fem,
+}
+
 impl Default for Train {
     fn default() -> Self {
         let Ritz { shape, ranges, steps, batch, learning_rate, ridge, shards } = Ritz::default();
         Self {
+            method: Method::LepDpinn,
             k: 8,
             seed: 0,
             width: shape.width,
@@ -129,6 +142,8 @@ pub struct Verify {
     pub angle_tolerance: f64,
     /// The largest entry of ΦᵀBΦ − I.
     pub orthonormality_tolerance: f64,
+    /// The largest ‖Lφ − λBφ‖ in the B⁻¹ norm, relative to λ, of a solved pair.
+    pub residual_tolerance: f64,
     /// Which way M-PGD goes: `preconditioned` by a factorisation, or down the plain `gradient` as the paper prints
     /// it, which takes thousands of steps on ten thousand vertices.
     pub mpgd_direction: MpgdDirection,
@@ -156,6 +171,7 @@ impl Default for Verify {
             lambda_tolerance: 0.01,
             angle_tolerance: 0.05,
             orthonormality_tolerance: 1e-8,
+            residual_tolerance: 1e-6,
             mpgd_direction: MpgdDirection::Preconditioned,
             mpgd_tolerance: 1e-6,
             mpgd_iterations: 20_000,
@@ -301,6 +317,7 @@ impl Pipeline {
             ("verify.lambda_tolerance", self.verify.lambda_tolerance),
             ("verify.angle_tolerance", self.verify.angle_tolerance),
             ("verify.orthonormality_tolerance", self.verify.orthonormality_tolerance),
+            ("verify.residual_tolerance", self.verify.residual_tolerance),
             ("verify.mpgd_tolerance", self.verify.mpgd_tolerance),
         ] {
             if !(value > 0.0 && value.is_finite()) {

@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn fem_and_cotangent_with_one_mass_are_one() {
         let assemble = |laplacian, mass| {
-            let options = OperatorOptions { laplacian, mass, robust: false };
+            let options = OperatorOptions { laplacian, mass, ..Default::default() };
             Operators::assemble(&square_with_a_centre(), options)
         };
         let fem = assemble(Laplacian::Fem, None).unwrap();

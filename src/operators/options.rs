@@ -43,7 +43,28 @@ impl Laplacian {
     }
 }
 
-/// Which operators are assembled.
+/// What holds on the boundary of the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Boundary {
+    /// The normal derivative vanishes: nothing to be done.
+    #[default]
+    Neumann,
+    /// The function vanishes: the rows and columns of boundary vertices are eliminated.
+    Dirichlet,
+}
+
+impl Boundary {
+    /// The name used in files, tables and keys.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Neumann => "neumann",
+            Self::Dirichlet => "dirichlet",
+        }
+    }
+}
+
+/// Which operators are assembled, and which problem they pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct OperatorOptions {
@@ -55,6 +76,9 @@ pub struct OperatorOptions {
     /// Whether they are assembled on the mollified intrinsic Delaunay triangulation of the mesh. The graph Laplacian
     /// stays that of the mesh.
     pub robust: bool,
+    /// `neumann` or `dirichlet`. Assembly does not depend on it: boundary vertices are eliminated when the eigenproblem
+    /// is posed.
+    pub boundary: Boundary,
 }
 
 impl OperatorOptions {
@@ -79,7 +103,7 @@ impl From<MassKind> for OperatorOptions {
             MassKind::Degree => Laplacian::Graph,
             MassKind::Lumped | MassKind::Voronoi | MassKind::Consistent => Laplacian::Cotangent,
         };
-        Self { laplacian, mass: Some(mass), robust: false }
+        Self { laplacian, mass: Some(mass), ..Self::default() }
     }
 }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::json::{document, hash, null_is_nan};
 use crate::mesh::{Area, Ingested, MeshHash, Repairs};
+use crate::operators::Quality;
 use crate::spectrum::certificate::{self, PairCertificate};
 use crate::spectrum::mpgd;
 
@@ -34,6 +35,8 @@ pub struct Spectrum {
     pub orthonormality: f64,
     /// Whether an eigenvalue was missed or repeated.
     pub completeness: Completeness,
+    /// How good the triangles are that the operators were assembled from.
+    pub quality: TriangleQuality,
     /// What was mended between the file and the mesh.
     pub repairs: RepairCounts,
     /// What made these numbers.
@@ -176,6 +179,10 @@ pub enum Source {
     Constant,
     /// A block trained on the family of this mesh.
     Trained,
+    /// The reference solver.
+    Fem,
+    /// M-PGD.
+    Mpgd,
 }
 
 impl Source {
@@ -184,6 +191,8 @@ impl Source {
         match self {
             Self::Constant => "constant",
             Self::Trained => "trained",
+            Self::Fem => "fem",
+            Self::Mpgd => "mpgd",
         }
     }
 }
@@ -223,6 +232,35 @@ impl From<certificate::Completeness> for Completeness {
     fn from(counted: certificate::Completeness) -> Self {
         let certificate::Completeness { sigma, count, found, complete, cut_cluster } = counted;
         Self { sigma, count, found, complete, cut_cluster }
+    }
+}
+
+/// How good the triangles are. See [`Quality`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TriangleQuality {
+    /// The smallest angle, degrees.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub min_angle_degrees: f64,
+    /// Pairs of vertices whose cotangent weight is negative.
+    pub negative_weights: usize,
+    /// Edges that are not Delaunay.
+    pub non_delaunay_edges: usize,
+    /// What was added to every edge length; null without `operators.robust`.
+    pub mollification: Option<f64>,
+    /// How many edges were flipped; null without `operators.robust`.
+    pub flips: Option<usize>,
+}
+
+impl From<Quality> for TriangleQuality {
+    fn from(quality: Quality) -> Self {
+        let Quality { min_angle_degrees, negative_weights, non_delaunay_edges, remedies } = quality;
+        Self {
+            min_angle_degrees,
+            negative_weights,
+            non_delaunay_edges,
+            mollification: remedies.map(|done| done.mollification),
+            flips: remedies.map(|done| done.flips),
+        }
     }
 }
 

@@ -8,9 +8,12 @@ use std::ops::Range;
 use super::cluster::{CLUSTER_GAP, clusters, zero_below};
 use super::factor::Analysis;
 use super::inertia::count_below;
+use super::dual_norm::{energy_norms, inverse_mass_norms};
+use super::fem::{self, Reference};
+use super::panel::{Panel, Row, WIDTH};
 use super::pencil::{column, combine, dot, inner, product, projection};
 use super::rayleigh_ritz::ritz_pairs;
-use super::{Dense, Eigenpairs, Pencil, SpectrumError, mpgd};
+use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError, mpgd};
 use crate::operators::Sparse;
 
 /// The measurements for one eigenpair (θ, φ), φᵀBφ = 1, r = Lφ − θBφ.
@@ -65,24 +68,33 @@ pub struct Certificate {
 /// The two independent solutions that a set of K pairs is held against.
 #[derive(Debug, Clone)]
 pub struct References {
-    /// At least K pairs, and as many more as it takes to end the cluster of λ_K and begin the next.
-    pub fem: Eigenpairs,
-    /// At least K pairs, to the end of the cluster of λ_K.
-    pub mpgd: Eigenpairs,
-    /// How M-PGD went for each pair that was not given to it: the last ones of `mpgd`.
-    pub mpgd_runs: Vec<mpgd::Run>,
+    /// The reference solver's pairs, to the end of the cluster of λ_K, and the count by inertia.
+    pub fem: Reference,
+    /// M-PGD's pairs; `None` where it was not asked.
+    pub mpgd: Option<SecondOpinion>,
+}
+
+/// What M-PGD found.
+#[derive(Debug, Clone)]
+pub struct SecondOpinion {
+    /// At least K pairs, to the end of the cluster of λ_K, unless it was stopped.
+    pub pairs: Eigenpairs,
+    /// How it went for each pair that was not given to it: the last ones of `pairs`.
+    pub runs: Vec<mpgd::Run>,
 }
 
 impl References {
-    /// The clusters of the reference spectrum; the last one may be cut off by where the computation ended.
+    /// The clusters of the reference spectrum.
     pub fn clusters(&self, area: f64) -> Vec<Range<usize>> {
-        clusters(&self.fem.values, CLUSTER_GAP, zero_below(area))
+        clusters(&self.fem.pairs.values, CLUSTER_GAP, zero_below(area))
     }
+}
 
-    /// How M-PGD went for pair `j`.
-    fn mpgd_run(&self, j: usize) -> Option<mpgd::Run> {
-        let given = self.mpgd.len() - self.mpgd_runs.len();
-        self.mpgd_runs.get(j.checked_sub(given)?).copied()
+impl SecondOpinion {
+    /// How it went for pair `j`.
+    fn run(&self, j: usize) -> Option<mpgd::Run> {
+        let given = self.pairs.len() - self.runs.len();
+        self.runs.get(j.checked_sub(given)?).copied()
     }
 }
 
@@ -92,74 +104,93 @@ pub fn cluster_end(values: &[f64], k: usize, area: f64) -> usize {
     runs.into_iter().find(|run| run.contains(&(k - 1))).map_or(k, |run| run.end)
 }
 
-/// Reference pairs up to the first gap above λ_K: `lowest` is asked for more until the gap is seen.
-///
-/// # Errors
-/// Whatever [`super::fem::lowest`] meets.
-pub fn reference_past_gap(
-    pencil: Pencil<'_>,
-    analysis: &Analysis<'_>,
-    k: usize,
-) -> Result<Eigenpairs, SpectrumError> {
-    let n = pencil.n();
-    if k > n {
-        return Err(SpectrumError::TooMany { asked: k, n });
-    }
-    let mut count = (k + 2).min(n);
-    loop {
-        let pairs = super::fem::lowest(pencil, analysis, count)?;
-        let end = cluster_end(&pairs.values, k, pencil.area());
-        if end < count || count == n {
-            return Ok(pairs.truncated((end + 1).min(count)));
-        }
-        count = (count + count / 4 + 4).min(n);
-    }
-}
-
-/// Measures the K columns of `vectors`, which are B-normalised approximate eigenfunctions in order.
+/// Measures the K columns of `vectors`, which are B-normalised approximate eigenfunctions in order, on the free vertices
+/// of the problem.
 ///
 /// # Errors
 /// When a factorisation breaks down.
 pub fn certify(
-    pencil: Pencil<'_>,
+    problem: &Problem<'_>,
     analysis: &Analysis<'_>,
     vectors: &Dense,
     references: &References,
 ) -> Result<Certificate, SpectrumError> {
+    let pencil = problem.pencil();
     let k = vectors.ncols();
     let (lx, bx) = (product(pencil.stiffness, vectors), product(pencil.mass, vectors));
     let gram = inner(vectors, &bx);
     let thetas: Vec<f64> =
         (0..k).map(|j| dot(column(vectors, j), column(&lx, j)) / gram[(j, j)]).collect();
+    let residuals = residual_norms(problem, analysis, &thetas, &lx, &bx)?;
     let runs = references.clusters(pencil.area());
-    let lambda2 = references.fem.values.iter().copied().find(|&v| v > zero_below(pencil.area()));
     let angles = |reference: &Eigenpairs| cluster_angles(pencil.mass, vectors, reference, &runs);
-    let (angles_fem, angles_mpgd) = (angles(&references.fem), angles(&references.mpgd));
-    let mass_solver = MassSolver::new(pencil);
-    let pairs = (0..k)
-        .map(|j| {
-            let residual =
-                Dense::from_fn(pencil.n(), 1, |i, _| lx[(i, j)] - thetas[j] * bx[(i, j)]);
-            let cluster = runs.iter().position(|run| run.contains(&j)).unwrap_or(runs.len());
-            Ok(PairCertificate {
-                lambda: thetas[j],
-                cluster,
-                residual: mass_solver.inverse_norm(&residual),
-                rho: energy_residual(analysis, &residual, thetas[j], lambda2)?,
-                lambda_fem: references.fem.values[j],
-                lambda_mpgd: references.mpgd.values.get(j).copied().unwrap_or(f64::NAN),
-                angle_fem: angles_fem.get(cluster).copied().unwrap_or(f64::NAN),
-                angle_mpgd: angles_mpgd.get(cluster).copied().unwrap_or(f64::NAN),
-                mpgd: references.mpgd_run(j),
-            })
-        })
-        .collect::<Result<_, SpectrumError>>()?;
+    let (fem, mpgd) = (&references.fem.pairs, references.mpgd.as_ref());
+    let angles_fem = angles(fem);
+    let angles_mpgd = mpgd.map(|mpgd| angles(&mpgd.pairs)).unwrap_or_default();
+    let pairs = (0..k).map(|j| {
+        let cluster = runs.iter().position(|run| run.contains(&j)).unwrap_or(runs.len());
+        PairCertificate {
+            lambda: thetas[j],
+            cluster,
+            residual: residuals[j].residual,
+            rho: residuals[j].rho,
+            lambda_fem: fem.values[j],
+            lambda_mpgd: mpgd.and_then(|m| m.pairs.values.get(j).copied()).unwrap_or(f64::NAN),
+            angle_fem: angles_fem.get(cluster).copied().unwrap_or(f64::NAN),
+            angle_mpgd: angles_mpgd.get(cluster).copied().unwrap_or(f64::NAN),
+            mpgd: mpgd.and_then(|m| m.run(j)),
+        }
+    });
     let identity = Dense::identity(k, k);
     Ok(Certificate {
         orthonormality: (&gram - &identity).norm_max(),
-        pairs,
-        completeness: completeness(pencil, analysis, vectors, references, &runs)?,
+        pairs: pairs.collect(),
+        completeness: completeness(pencil, analysis, vectors, &references.fem, &runs)?,
     })
+}
+
+/// The two measures of r = Lφ − θBφ; see [`PairCertificate`].
+struct Residual {
+    residual: f64,
+    rho: f64,
+}
+
+/// The residuals of all pairs, from Lφ and Bφ. One factorisation serves all ρ.
+///
+/// ρ = ‖r‖_{(L+μB)⁻¹}/√(θ+μ) with μ = θ, or μ = λ₂ when θ is zero to working precision.
+fn residual_norms(
+    problem: &Problem<'_>,
+    analysis: &Analysis<'_>,
+    thetas: &[f64],
+    lx: &Dense,
+    bx: &Dense,
+) -> Result<Vec<Residual>, SpectrumError> {
+    let pencil = problem.pencil();
+    let zero = zero_below(pencil.area());
+    let positive = || thetas.iter().copied().filter(|&theta| theta > zero);
+    let lowest = positive().fold(f64::INFINITY, f64::min);
+    // Without any positive θ the scale of the first eigenvalues has to do.
+    let lowest = if lowest.is_finite() { lowest } else { 1.0 / pencil.area() };
+    let highest = positive().fold(lowest, f64::max);
+    let factor = analysis.positive((lowest * highest).sqrt())?;
+    let mut norms = Vec::with_capacity(thetas.len());
+    for first in (0..thetas.len()).step_by(WIDTH) {
+        let theta = |j: usize| thetas.get(first + j).copied().unwrap_or(lowest);
+        let mut r = Panel::from_columns(lx, first);
+        for (r, b) in r.rows_mut().iter_mut().zip(Panel::from_columns(bx, first).rows()) {
+            for j in 0..WIDTH {
+                r[j] -= theta(j) * b[j];
+            }
+        }
+        let mu: Row = std::array::from_fn(|j| if theta(j) > zero { theta(j) } else { lowest });
+        let in_mass = inverse_mass_norms(pencil, &r);
+        let in_energy = energy_norms(pencil, &factor, mu, &r);
+        norms.extend((0..WIDTH.min(thetas.len() - first)).map(|j| Residual {
+            residual: in_mass[j],
+            rho: in_energy[j] / (theta(j) + mu[j]).sqrt(),
+        }));
+    }
+    Ok(norms)
 }
 
 /// The largest principal angle, in the B-inner product, between the smaller and the larger of two subspaces.
@@ -204,97 +235,28 @@ fn cluster_angles(
         .collect()
 }
 
-/// ρ = ‖r‖_{(L+μB)⁻¹}/√(θ+μ) with μ = θ, or μ = λ₂ when θ is zero to working precision.
-fn energy_residual(
-    analysis: &Analysis<'_>,
-    residual: &Dense,
-    theta: f64,
-    lambda2: Option<f64>,
-) -> Result<f64, SpectrumError> {
-    let lambda2 = lambda2.unwrap_or(theta);
-    let mu = if theta > 1e-6 * lambda2 { theta } else { lambda2 };
-    let mut solution = residual.clone();
-    analysis.cholesky(mu)?.solve_in_place(&mut solution);
-    let square = dot(column(residual, 0), column(&solution, 0));
-    Ok((square.max(0.0) / (theta + mu)).sqrt())
-}
-
-/// B⁻¹ norms: a division for a diagonal B, conjugate gradients otherwise.
-struct MassSolver<'a> {
-    mass: &'a Sparse,
-    lumped: bool,
-}
-
-impl<'a> MassSolver<'a> {
-    fn new(pencil: Pencil<'a>) -> Self {
-        Self { mass: pencil.mass, lumped: pencil.mass.nnz() == pencil.n() }
-    }
-
-    fn inverse_norm(&self, r: &Dense) -> f64 {
-        let r = column(r, 0);
-        if self.lumped {
-            return r.iter().zip(self.mass.data()).map(|(r, b)| r * r / b).sum::<f64>().sqrt();
-        }
-        // The consistent mass is spectrally equivalent to its diagonal (condition below 10 after scaling):
-        // conjugate gradients reach rounding in a few dozen steps, whatever n.
-        dot(r, &conjugate_gradients(self.mass, r)).max(0.0).sqrt()
-    }
-}
-
-/// Solves M x = r for a mass matrix M by diagonally preconditioned conjugate gradients, to rounding.
-fn conjugate_gradients(m: &Sparse, r: &[f64]) -> Vec<f64> {
-    let diagonal: Vec<f64> = m.diag_iter().map(|d| d.copied().unwrap_or(1.0)).collect();
-    let precondition =
-        |r: &[f64]| -> Vec<f64> { r.iter().zip(&diagonal).map(|(r, d)| r / d).collect() };
-    let mut x = vec![0.0; r.len()];
-    let mut r = r.to_vec();
-    let mut z = precondition(&r);
-    let mut p = z.clone();
-    let mut q = vec![0.0; r.len()];
-    let mut rz = dot(&r, &z);
-    let goal = rz * 1e-28;
-    for _ in 0..200 {
-        if rz <= goal || rz == 0.0 {
-            break;
-        }
-        super::pencil::apply(m, &p, &mut q);
-        let alpha = rz / dot(&p, &q);
-        x.iter_mut().zip(&p).for_each(|(x, p)| *x += alpha * p);
-        r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
-        z = precondition(&r);
-        let next = dot(&r, &z);
-        p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + next / rz * *p);
-        rz = next;
-    }
-    x
-}
-
 fn completeness(
     pencil: Pencil<'_>,
     analysis: &Analysis<'_>,
     vectors: &Dense,
-    references: &References,
+    fem: &Reference,
     runs: &[Range<usize>],
 ) -> Result<Completeness, SpectrumError> {
     let k = vectors.ncols();
-    let values = &references.fem.values;
     let run = runs.iter().find(|run| run.contains(&(k - 1))).cloned().unwrap_or(k - 1..k);
     let (a, m) = pencil.projected(vectors);
     let ritz = ritz_pairs(&a, &m, 1e-12).values;
     let found_below = |sigma: f64| ritz.iter().filter(|&&theta| theta < sigma).count();
-    let gap_above = |end: usize| match values.get(end) {
-        Some(next) => 0.5 * (values[end - 1] + next),
-        // The whole spectrum is known: anything above it will do.
-        None => 1.5 * values[end - 1].abs() + 1.0 / pencil.area(),
-    };
-    let sigma = gap_above(run.end);
-    let count = count_below(analysis, sigma)?;
+    let Reference { sigma, count, .. } = *fem;
     let found = found_below(sigma);
     let cut_cluster = run.end > k;
     let complete = if cut_cluster {
-        let below =
-            if run.start == 0 { Some(0) } else { count_below(analysis, gap_above(run.start))? };
-        let found_under = if run.start == 0 { 0 } else { found_below(gap_above(run.start)) };
+        let (below, found_under) = if run.start == 0 {
+            (Some(0), 0)
+        } else {
+            let sigma = fem::above(&fem.pairs.values, run.start, pencil.area());
+            (count_below(analysis, sigma)?, found_below(sigma))
+        };
         found == k && count.is_some() && below == Some(found_under)
     } else {
         count == Some(found)

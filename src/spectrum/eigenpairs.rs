@@ -42,10 +42,11 @@ impl Eigenpairs {
     /// Inside a numerical cluster the basis is the one of a pivoted QR of the rows: the first vector is the
     /// cluster's projection of the vertex where the cluster is largest, the second that of the vertex where the
     /// rest is largest, and so on. Then every vector gets the sign of [`orient`].
-    /// `zero` is the bound below which an eigenvalue counts as zero.
+    /// The eigenfunctions of λ = 0, whose eigenvalues are below `zero`, stay as they are: indicators of components.
     pub fn canonical(mut self, zero: f64) -> Self {
         for run in clusters(&self.values, NUMERICAL_CLUSTER, zero) {
-            if run.len() > 1 {
+            let is_zero = self.values[run.start].abs() <= zero;
+            if run.len() > 1 && !is_zero {
                 let block = self.vectors.subcols(run.start, run.len()).to_owned();
                 let rotated = combine(&block, &pivoted_basis(&block));
                 self.vectors.subcols_mut(run.start, run.len()).copy_from(rotated);

@@ -1,73 +1,88 @@
-//! Sparse factorisations of L + μB, by faer: one symbolic analysis, any number of shifts.
+//! Sparse factorisations L − σB = R D Rᵀ, by faer: one symbolic analysis, any number of shifts.
+//!
+//! The same factorisation serves three ends: solves with a positive definite matrix (σ < 0), solves with an
+//! indefinite one (σ inside the spectrum), and counting, since D has as many negative entries as there are
+//! eigenvalues below σ (Sylvester). It is not pivoted and not regularised: an indefinite one may lose digits, which
+//! its users have to measure.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::{LdltError, LdltRegularization};
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky, simplicial::SimplicialLdltRef, supernodal::SupernodalLdltRef,
+    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
+    supernodal::{SupernodalLdltRef, SymbolicSupernodalCholesky},
 };
+use faer::sparse::linalg::{SupernodalThreshold, SymbolicSupernodalParams};
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::{Conj, Par, Side};
+use faer::{Par, Side};
 
+use super::panel::{Panel, WIDTH};
+use super::triangular::{self, COLUMNS, Row};
 use super::{Dense, Pencil, SpectrumError};
 
-/// The fill-reducing analysis of the pattern of L + μB: valid for every μ.
+/// Which neighbouring supernodes become one: up to so many columns, with less than this share of stored zeros. Wide
+/// supernodes factorise faster, zeros are solved with in vain; an eigensolver solves a hundred times as often as it
+/// factorises.
+const RELAX: [(usize, f64); 3] = [(4, 0.0), (4, 0.0), (4, 0.0)];
+
+/// The fill-reducing analysis of the pattern of L − σB: valid for every σ.
 pub struct Analysis<'a> {
     pencil: Pencil<'a>,
     lower: Lower,
     symbolic: SymbolicCholesky<usize>,
 }
 
-/// L + μB = RᵀR with μ > 0: solves with several right-hand sides.
-pub struct Cholesky<'s> {
-    symbolic: &'s SymbolicCholesky<usize>,
+/// L − σB = R D Rᵀ: solves with several right-hand sides, and the inertia.
+pub struct Factor<'s> {
+    analysis: &'s Analysis<'s>,
     values: Vec<f64>,
 }
 
 impl<'a> Analysis<'a> {
     /// Orders and analyses the pattern of the pencil.
+    ///
+    /// # Errors
+    /// [`SpectrumError::OutOfMemory`].
     pub fn new(pencil: Pencil<'a>) -> Result<Self, SpectrumError> {
         let lower = Lower::of(pencil);
+        let parameters = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            supernodal_params: SymbolicSupernodalParams { relax: Some(&RELAX) },
+            ..Default::default()
+        };
         let symbolic = factorize_symbolic_cholesky(
             lower.matrix.symbolic(),
             Side::Lower,
             SymmetricOrdering::Amd,
-            CholeskySymbolicParams::default(),
+            parameters,
         )
         .map_err(|_| SpectrumError::OutOfMemory { n: pencil.n() })?;
         Ok(Self { pencil, lower, symbolic })
     }
 
-    /// Cholesky of L + μB, μ > 0.
-    pub fn cholesky(&self, mu: f64) -> Result<Cholesky<'_>, SpectrumError> {
-        let matrix = self.lower.shifted(self.pencil, mu);
-        let mut values = vec![0.0; self.symbolic.len_val()];
-        let scratch =
-            self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        self.symbolic
-            .factorize_numeric_llt(
-                &mut values,
-                matrix.as_ref(),
-                Side::Lower,
-                LltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut self.buffer(scratch)?),
-                Default::default(),
-            )
-            .map_err(|LltError::NonPositivePivot { index }| SpectrumError::Breakdown {
-                shift: mu,
-                pivot: index,
-            })?;
-        Ok(Cholesky { symbolic: &self.symbolic, values })
+    /// The pencil.
+    pub fn pencil(&self) -> Pencil<'a> {
+        self.pencil
     }
 
-    /// The diagonal D of L − σB = R D Rᵀ, unregularised, in elimination order.
-    pub fn ldlt_diagonal(&self, sigma: f64) -> Result<Vec<f64>, SpectrumError> {
-        let matrix = self.lower.shifted(self.pencil, -sigma);
-        let mut values = vec![0.0; self.symbolic.len_val()];
+    /// The entries of a factor.
+    pub fn fill(&self) -> usize {
+        self.symbolic.len_val()
+    }
+
+    /// R D Rᵀ of L − σB.
+    ///
+    /// # Errors
+    /// [`SpectrumError::Breakdown`] when a pivot is zero or not a number, [`SpectrumError::OutOfMemory`].
+    pub fn factor(&self, sigma: f64) -> Result<Factor<'_>, SpectrumError> {
+        let matrix = self.lower.shifted(self.pencil, sigma);
+        let out_of_memory = || SpectrumError::OutOfMemory { n: self.pencil.n() };
+        let mut values = Vec::new();
+        values.try_reserve_exact(self.fill()).map_err(|_| out_of_memory())?;
+        values.resize(self.fill(), 0.0);
         let scratch =
             self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        let mut scratch = MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
         self.symbolic
             .factorize_numeric_ldlt(
                 &mut values,
@@ -75,50 +90,111 @@ impl<'a> Analysis<'a> {
                 Side::Lower,
                 LdltRegularization::default(),
                 Par::Seq,
-                MemStack::new(&mut self.buffer(scratch)?),
+                MemStack::new(&mut scratch),
                 Default::default(),
             )
             .map_err(|LdltError::ZeroPivot { index }| SpectrumError::Breakdown {
-                shift: -sigma,
+                sigma,
                 pivot: index,
             })?;
-        Ok(diagonal(self.symbolic.raw(), &values))
+        Ok(Factor { analysis: self, values })
     }
 
-    fn buffer(&self, scratch: faer::dyn_stack::StackReq) -> Result<MemBuffer, SpectrumError> {
-        MemBuffer::try_new(scratch).map_err(|_| SpectrumError::OutOfMemory { n: self.pencil.n() })
+    /// R D Rᵀ of L + μB, μ > 0, which is positive definite.
+    ///
+    /// # Errors
+    /// Those of [`Self::factor`]; [`SpectrumError::Breakdown`] also when a pivot is negative.
+    pub fn positive(&self, mu: f64) -> Result<Factor<'_>, SpectrumError> {
+        let factor = self.factor(-mu)?;
+        let first_bad = factor.diagonal().position(|d| d.is_nan() || d <= 0.0);
+        match first_bad {
+            None => Ok(factor),
+            Some(pivot) => Err(SpectrumError::Breakdown { sigma: -mu, pivot }),
+        }
+    }
+
+    fn supernodes(&self) -> &SymbolicSupernodalCholesky<usize> {
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
+            SymbolicCholeskyRaw::Simplicial(_) => unreachable!("a supernodal analysis was asked for"),
+        }
+    }
+
+    /// Row i of the elimination order is row `order()[i]` of the pencil.
+    fn order(&self) -> &[usize] {
+        let order = self.symbolic.perm().expect("AMD always gives an order");
+        order.arrays().0
     }
 }
 
-impl Cholesky<'_> {
-    /// X ← (L + μB)⁻¹ X.
+/// The two halves of a panel in elimination order, each for one thread.
+#[derive(Debug, Clone)]
+pub struct Halves([Vec<Row>; 2]);
+
+impl Halves {
+    /// For a pencil of n rows.
+    pub fn new(n: usize) -> Self {
+        Self([vec![[0.0; COLUMNS]; n], vec![[0.0; COLUMNS]; n]])
+    }
+}
+
+impl Factor<'_> {
+    /// The number of negative entries of D: of eigenvalues below σ.
+    pub fn negative_pivots(&self) -> usize {
+        self.diagonal().filter(|&d| d < 0.0).count()
+    }
+
+    /// X ← (L − σB)⁻¹ X, whatever the number of columns.
     pub fn solve_in_place(&self, x: &mut Dense) {
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
-        let mut buffer = MemBuffer::new(scratch);
-        LltRef::new(self.symbolic, &self.values).solve_in_place_with_conj(
-            Conj::No,
-            x.as_mut(),
-            Par::Seq,
-            MemStack::new(&mut buffer),
-        );
+        let mut halves = Halves::new(x.nrows());
+        for first in (0..x.ncols()).step_by(WIDTH) {
+            let mut panel = Panel::from_columns(x, first);
+            if x.ncols() - first <= COLUMNS {
+                self.solve_half(panel.rows(), 0, &mut halves.0[0]);
+                self.scatter(&mut panel, &halves);
+            } else {
+                self.solve_panel(&mut panel, &mut halves);
+            }
+            panel.write_columns(x, first);
+        }
     }
-}
 
-fn diagonal(symbolic: &SymbolicCholeskyRaw<usize>, values: &[f64]) -> Vec<f64> {
-    match symbolic {
-        SymbolicCholeskyRaw::Simplicial(symbolic) => {
-            let values = SimplicialLdltRef::new(symbolic, values).values();
-            symbolic.col_ptr()[..symbolic.ncols()].iter().map(|&start| values[start]).collect()
+    /// X ← (L − σB)⁻¹ X for the eight columns of a panel, four on each of two threads.
+    pub fn solve_panel(&self, x: &mut Panel, halves: &mut Halves) {
+        let [left, right] = &mut halves.0;
+        let rows = x.rows();
+        rayon::join(
+            || self.solve_half(rows, 0, left),
+            || self.solve_half(rows, COLUMNS, right),
+        );
+        self.scatter(x, halves);
+    }
+
+    /// Solves for columns `first..first + 4` of a panel, into elimination order.
+    fn solve_half(&self, rows: &[super::panel::Row], first: usize, half: &mut [Row]) {
+        for (to, &from) in half.iter_mut().zip(self.analysis.order()) {
+            to.copy_from_slice(&rows[from][first..first + COLUMNS]);
         }
-        SymbolicCholeskyRaw::Supernodal(symbolic) => {
-            let factor = SupernodalLdltRef::new(symbolic, values);
-            (0..symbolic.n_supernodes())
-                .flat_map(|s| {
-                    let block = factor.supernode(s).val();
-                    (0..block.ncols()).map(move |j| block[(j, j)])
-                })
-                .collect()
+        triangular::solve(self.analysis.supernodes(), &self.values, half);
+    }
+
+    fn scatter(&self, x: &mut Panel, halves: &Halves) {
+        let rows = x.rows_mut();
+        let [left, right] = &halves.0;
+        for ((left, right), &to) in left.iter().zip(right).zip(self.analysis.order()) {
+            rows[to][..COLUMNS].copy_from_slice(left);
+            rows[to][COLUMNS..].copy_from_slice(right);
         }
+    }
+
+    /// D, in elimination order.
+    fn diagonal(&self) -> impl Iterator<Item = f64> + '_ {
+        let symbolic = self.analysis.supernodes();
+        let factor = SupernodalLdltRef::new(symbolic, &self.values);
+        (0..symbolic.n_supernodes()).flat_map(move |s| {
+            let block = factor.supernode(s).val();
+            (0..block.ncols()).map(move |j| block[(j, j)])
+        })
     }
 }
 
@@ -153,12 +229,12 @@ impl Lower {
         Self { matrix: SparseColMat::new(symbolic, values) }
     }
 
-    fn shifted(&self, pencil: Pencil<'_>, mu: f64) -> SparseColMat<usize, f64> {
+    fn shifted(&self, pencil: Pencil<'_>, sigma: f64) -> SparseColMat<usize, f64> {
         let mut matrix = self.matrix.clone();
         let pointers = self.matrix.symbolic().col_ptr().to_vec();
         let rows = self.matrix.symbolic().row_idx().to_vec();
         let values = matrix.val_mut();
-        for (source, scale) in [(pencil.stiffness, 1.0), (pencil.mass, mu)] {
+        for (source, scale) in [(pencil.stiffness, 1.0), (pencil.mass, -sigma)] {
             for (i, row) in source.outer_iterator().enumerate() {
                 let mut at = pointers[i];
                 for (j, &value) in row.iter().filter(|&(j, _)| j >= i) {
@@ -188,12 +264,16 @@ mod tests {
                 let operators = Operators::assemble(&icosphere(levels), kind).unwrap();
                 let pencil = Pencil::from(&operators);
                 let analysis = Analysis::new(pencil).unwrap();
-                let mu = 0.7;
-                let x = Dense::from_fn(pencil.n(), 3, |i, j| ((i + 3 * j) as f64).sin());
-                let mut y = product(pencil.stiffness, &x);
-                y += faer::Scale(mu) * product(pencil.mass, &x);
-                analysis.cholesky(mu).unwrap().solve_in_place(&mut y);
-                assert!((&y - &x).norm_max() < 1e-11);
+                for (sigma, columns) in [(-0.7, 1), (-0.7, 3), (4.0, 11)] {
+                    let x = Dense::from_fn(pencil.n(), columns, |i, j| ((i + 3 * j) as f64).sin());
+                    let mut y = product(pencil.stiffness, &x);
+                    y -= faer::Scale(sigma) * product(pencil.mass, &x);
+                    let factor = analysis.factor(sigma).unwrap();
+                    factor.solve_in_place(&mut y);
+                    assert!((&y - &x).norm_max() < 1e-11);
+                    // Below 4 the sphere has 0 and three times 2.
+                    assert_eq!(factor.negative_pivots(), if sigma > 0.0 { 4 } else { 0 });
+                }
             }
         }
     }

@@ -1,229 +1,284 @@
-//! The reference: the lowest eigenpairs of Lφ = λBφ by shift-invert block Lanczos.
+//! The reference: the lowest eigenpairs of Lφ = λBφ by shift-invert block Lanczos, complete by Sylvester's law.
 //!
-//! Works with (L + μB)⁻¹B, which is self-adjoint in the B-inner product and has the eigenvalues 1/(λ + μ): the
-//! wanted end of the spectrum becomes the dominant one. The Krylov basis is kept B-orthonormal against all of
-//! itself; a block holds several vectors, so that multiple eigenvalues are found together.
+//! 1. The eigenfunctions of λ = 0 are known, and put aside.
+//! 2. A Krylov space of (L + μB)⁻¹B is grown until the wanted pairs have converged, and more of them until the gap above
+//!    the cluster of λ_K is among them.
+//! 3. The eigenvalues below that gap are counted by the inertia there. If some were missed, which takes a multiplicity
+//!    of more than a block, the search goes on orthogonally to what was found.
+//!
+//! The shift lies below the spectrum. One in its midst needs a Krylov space smaller by a sixth, but the unpivoted
+//! factorisation of the indefinite L − σB costs two digits of every residual, and mending that costs more than a sixth.
+//!
+//! A few hundred vertices, or a good part of the whole spectrum, are solved as the dense pencil that the answer nearly
+//! is.
 
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-
+use super::certificate::cluster_end;
 use super::cluster::zero_below;
-use super::factor::{Analysis, Cholesky};
-use super::pencil::{combine, inner, product, project_out};
-use super::rayleigh_ritz::{ritz_pairs, symmetric_eigen};
-use super::{Dense, Eigenpairs, Pencil, SpectrumError};
+use super::factor::Analysis;
+use super::inertia::count_below;
+use super::lanczos::{Krylov, Ritz};
+use super::panel::{Panel, WIDTH};
+use super::rayleigh_ritz::ritz_pairs;
+use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError};
 
-/// Vectors in one Lanczos block.
-const BLOCK: usize = 8;
+/// A residual is small enough when it is below so many roundings of the largest eigenvalue, in the B⁻¹ norm …
+const ROUNDINGS: f64 = 50.0;
+
+/// … or below this, relative to the eigenvalue.
+const TOLERANCE: f64 = 1e-10;
 
 /// The shift μ in units of 1/area: far from zero and below the first eigenvalues (Weyl: λ_k·area ≈ 4πk).
 const SHIFT: f64 = 1.0;
 
-/// A Krylov vector whose norm falls below this (relative) while it is orthogonalised brings nothing new.
-const BREAKDOWN: f64 = 1e-10;
+/// Up to so many rows the pencil is solved densely.
+const DENSE: usize = 400;
 
-/// Ritz pairs of the inverted operator are accepted below this residual, relative to the largest 1/(λ + μ).
-const TOLERANCE: f64 = 1e-13;
+/// The eigenvalue above the gap is only needed to see the gap: so exactly, relative to itself.
+const GLANCE: f64 = 1e-3;
 
-/// Computes the `count` lowest eigenpairs, in canonical form (see [`Eigenpairs::canonical`]).
+/// Searches for eigenvalues that an earlier one missed.
+const ATTEMPTS: u64 = 16;
+
+/// The eigenpairs below a gap of the spectrum, and what Sylvester's law says of their number.
+#[derive(Debug, Clone)]
+pub struct Reference {
+    /// At least the K pairs that were asked for, to the end of the cluster of λ_K, in canonical form (see
+    /// [`Eigenpairs::canonical`]).
+    pub pairs: Eigenpairs,
+    /// A shift in the gap above them.
+    pub sigma: f64,
+    /// The number of eigenvalues below σ; `None` when rounding could have changed it.
+    pub count: Option<usize>,
+}
+
+/// Computes the lowest `k` eigenpairs, to the end of the cluster of λ_k.
 ///
-/// The result depends on the pencil and `count` alone: the start block is seeded by a constant.
+/// The result depends on the problem and `k` alone, not on the number of threads.
 ///
 /// # Errors
-/// [`SpectrumError::TooMany`] when `count` exceeds n, [`SpectrumError::Breakdown`] when L + μB is not
-/// numerically positive definite, [`SpectrumError::NotConverged`] otherwise.
+/// [`SpectrumError::TooMany`] when `k` exceeds n, [`SpectrumError::Breakdown`] when L + μB is not numerically positive
+/// definite, [`SpectrumError::NotConverged`], [`SpectrumError::OutOfMemory`].
 pub fn lowest(
-    pencil: Pencil<'_>,
+    problem: &Problem<'_>,
     analysis: &Analysis<'_>,
-    count: usize,
-) -> Result<Eigenpairs, SpectrumError> {
-    let n = pencil.n();
-    if count > n {
-        return Err(SpectrumError::TooMany { asked: count, n });
+    k: usize,
+) -> Result<Reference, SpectrumError> {
+    let pencil = problem.pencil();
+    let (n, area) = (pencil.n(), pencil.area());
+    if k > n {
+        return Err(SpectrumError::TooMany { asked: k, n });
     }
-    let mu = SHIFT / pencil.area();
-    let factor = analysis.cholesky(mu)?;
-    let subspace = Krylov::grow(pencil, &factor, count, mu)?;
-    refine(pencil, &factor, subspace, count)
+    if n <= DENSE || n <= 3 * k {
+        let all = dense(problem);
+        let end = cluster_end(&all.values, k, area);
+        let sigma = above(&all.values, end, area);
+        let count = count_below(analysis, sigma)?;
+        return Ok(Reference { pairs: all.truncated(end), sigma, count });
+    }
+    let search = Search::new(pencil, k);
+    let vectors = problem.nullspace().clone();
+    let zeros = Eigenpairs { values: vec![0.0; vectors.ncols()], vectors };
+    let (mut pairs, next) = search.extend(analysis, zeros, Goal::First, 0)?;
+    let sigma = between(pairs.values[pairs.len() - 1], next);
+    let count = count_below(analysis, sigma)?;
+    for attempt in 1..=ATTEMPTS {
+        // The start panel had no part in some eigenvectors, or not in all copies.
+        if count.is_none_or(|count| count <= pairs.len()) {
+            break;
+        }
+        (pairs, _) = search.extend(analysis, pairs, Goal::Below(sigma), attempt)?;
+    }
+    Ok(Reference { pairs: pairs.canonical(zero_below(area)), sigma, count })
 }
 
-/// One step of inverse iteration, which damps what high frequencies are left, then Rayleigh–Ritz.
-fn refine(
-    pencil: Pencil<'_>,
-    factor: &Cholesky<'_>,
-    vectors: Dense,
-    count: usize,
-) -> Result<Eigenpairs, SpectrumError> {
-    let mut x = product(pencil.mass, &vectors);
-    factor.solve_in_place(&mut x);
-    let (a, m) = pencil.projected(&x);
-    let ritz = ritz_pairs(&a, &m, 0.0);
-    let coefficients = ritz.coefficients.subcols(0, count).to_owned();
-    let pairs =
-        Eigenpairs { values: ritz.values[..count].to_vec(), vectors: combine(&x, &coefficients) };
-    Ok(pairs.canonical(zero_below(pencil.area())))
+/// A shift between two eigenvalues. Nearer to the upper one: a value that is not quite converged lies above its
+/// eigenvalue.
+fn between(lower: f64, upper: f64) -> f64 {
+    lower + 0.75 * (upper - lower)
 }
 
-/// A B-orthonormal Krylov basis V of (L + μB)⁻¹B with its projection T = VᵀB(L + μB)⁻¹BV.
-struct Krylov<'p, 'f> {
-    pencil: Pencil<'p>,
-    factor: &'f Cholesky<'f>,
-    basis: Dense,
-    b_basis: Dense,
-    /// T, symmetric; columns are filled as blocks are applied.
-    projected: Vec<Vec<f64>>,
-    rng: ChaCha8Rng,
+/// A shift between eigenvalue number `end` and the next.
+pub fn above(values: &[f64], end: usize, area: f64) -> f64 {
+    match values.get(end) {
+        Some(&next) => between(values[end - 1], next),
+        // The whole spectrum is known: anything above it will do.
+        None => 1.5 * values[end - 1].abs() + 1.0 / area,
+    }
 }
 
-impl<'p, 'f> Krylov<'p, 'f> {
-    /// Grows the basis until the `count` dominant Ritz pairs have converged; returns their vectors, and a few
-    /// more that help the last ones.
-    fn grow(
-        pencil: Pencil<'p>,
-        factor: &'f Cholesky<'f>,
-        count: usize,
-        mu: f64,
-    ) -> Result<Dense, SpectrumError> {
-        let n = pencil.n();
-        let mut krylov = Self {
-            pencil,
-            factor,
-            basis: Dense::zeros(n, 0),
-            b_basis: Dense::zeros(n, 0),
-            projected: Vec::new(),
-            rng: ChaCha8Rng::seed_from_u64(0x6368_6c61_646e_6921),
-        };
-        let wanted = (count + 2).min(n);
-        let limit = n.min(20 * count + 40 * BLOCK);
-        let start = krylov.random_block(BLOCK.min(n));
-        let mut block = krylov.append(start);
+/// What a search has to find beside what was found before.
+#[derive(Clone, Copy)]
+enum Goal {
+    /// All that is missing of the lowest k, and the rest of the cluster of λ_k.
+    First,
+    /// All below a shift.
+    Below(f64),
+}
+
+struct Search<'a> {
+    pencil: Pencil<'a>,
+    k: usize,
+    area: f64,
+    /// A residual that is as small as rounding allows.
+    floor: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(pencil: Pencil<'a>, k: usize) -> Self {
+        let floor = ROUNDINGS * f64::EPSILON * largest_eigenvalue(pencil);
+        Self { pencil, k, area: pencil.area(), floor }
+    }
+
+    /// Finds the lowest pairs orthogonal to those found so far. Returns all in ascending order, and the eigenvalue that
+    /// comes next.
+    fn extend(
+        &self,
+        analysis: &Analysis<'_>,
+        found: Eigenpairs,
+        goal: Goal,
+        attempt: u64,
+    ) -> Result<(Eigenpairs, f64), SpectrumError> {
+        let mu = SHIFT / self.area;
+        let factor = analysis.positive(mu)?;
+        let known: Vec<Panel> = (0..found.len())
+            .step_by(WIDTH)
+            .map(|first| Panel::from_columns(&found.vectors, first))
+            .collect();
+        let mut krylov = Krylov::new(&factor, self.pencil.mass, known, attempt);
+        let mut look_at = 5 * self.k.saturating_sub(found.len()) / 2 + 5 * WIDTH;
+        let mut before: Option<Look> = None;
         loop {
-            let applied = krylov.apply_last(block);
-            let dimension = krylov.basis.ncols();
-            let (values, coefficients) = krylov.ritz();
-            let ritz_count = wanted.min(values.len());
-            // The residual of a Ritz pair lives in the block that comes next.
-            let (next, coupling) = krylov.orthogonalise(applied);
-            let residual = largest_residual(&coupling, &coefficients, ritz_count);
-            let scale = values.first().copied().unwrap_or(1.0);
-            let complete = dimension == n;
-            if dimension >= wanted && (complete || residual <= TOLERANCE * scale) {
-                return Ok(combine(&krylov.basis, &coefficients.subcols(0, ritz_count).to_owned()));
+            while krylov.dimension() < look_at {
+                krylov.grow();
             }
-            if dimension >= limit {
-                // In terms of λ: |δ(1/(λ+μ))| = δλ/(λ+μ)².
-                let last = values[ritz_count - 1];
-                return Err(SpectrumError::NotConverged {
-                    iterations: dimension / BLOCK,
-                    residual: residual / last * (1.0 / last - mu).abs(),
-                    goal: TOLERANCE * scale / last * (1.0 / last - mu).abs(),
-                });
+            let ritz = krylov.ritz();
+            let look = self.look(&ritz, mu, &found, goal);
+            if look.excess <= 1.0 {
+                let next = lambda(&ritz, mu, look.new);
+                return Ok((self.merge(found, &krylov, &ritz, mu, look.new), next));
             }
-            block = krylov.append(next);
+            let m = look.dimension;
+            if m + 2 * WIDTH + found.len() > self.pencil.n() || m > 40 * look.new + 1000 {
+                let excess = look.excess;
+                return Err(SpectrumError::NotConverged { iterations: m / WIDTH, excess });
+            }
+            look_at = m + WIDTH * look.more_blocks(before.as_ref());
+            before = Some(look);
         }
     }
 
-    fn random_block(&mut self, columns: usize) -> Dense {
-        let n = self.pencil.n();
-        Dense::from_fn(n, columns, |_, _| self.rng.random_range(-1.0..1.0))
-    }
-
-    /// Adds B-orthonormal columns to the basis, replacing what is linearly dependent by random directions.
-    /// Returns how many columns were added.
-    fn append(&mut self, block: Dense) -> usize {
-        let n = self.pencil.n();
-        let room = n - self.basis.ncols();
-        let mut added = 0;
-        let mut candidate = block;
-        let goal = candidate.ncols().min(room);
-        while added < goal {
-            let fresh = self.independent(candidate, goal - added);
-            let b_fresh = product(self.pencil.mass, &fresh);
-            added += fresh.ncols();
-            self.basis = beside(&self.basis, &fresh);
-            self.b_basis = beside(&self.b_basis, &b_fresh);
-            candidate = if added < goal { self.random_block(goal - added) } else { fresh };
-        }
-        added
-    }
-
-    /// A B-orthonormal basis, of at most `most` columns, of what `block` adds to the Krylov basis.
-    fn independent(&self, mut block: Dense, most: usize) -> Dense {
-        let norms = |x: &Dense| -> f64 {
-            let gram = inner(x, &product(self.pencil.mass, x));
-            (0..gram.ncols()).map(|i| gram[(i, i)]).fold(0.0, f64::max).sqrt()
+    /// How far the search is.
+    fn look(&self, ritz: &Ritz, mu: f64, found: &Eigenpairs, goal: Goal) -> Look {
+        let dimension = ritz.values.len();
+        let lambdas = (0..dimension).map(|j| lambda(ritz, mu, j));
+        let new = match goal {
+            Goal::First => {
+                let values: Vec<f64> = found.values.iter().copied().chain(lambdas).collect();
+                cluster_end(&values, self.k.min(values.len()), self.area) - found.len().min(values.len())
+            }
+            Goal::Below(sigma) => lambdas.take_while(|&lambda| lambda < sigma).count(),
         };
-        let before = norms(&block).max(f64::MIN_POSITIVE);
-        for pass in 0..3 {
-            project_out(&mut block, &self.basis, &self.b_basis);
-            let gram = inner(&block, &product(self.pencil.mass, &block));
-            let (scales, directions) = symmetric_eigen(&gram);
-            // First pass: against the size it came with. Later: everything left is of unit size.
-            let floor = if pass == 0 { (BREAKDOWN * before).powi(2) } else { 1e-4 };
-            let kept: Vec<usize> =
-                (0..scales.len()).rev().filter(|&i| scales[i] > floor).take(most).collect();
-            let whitening = Dense::from_fn(scales.len(), kept.len(), |i, j| {
-                directions[(i, kept[j])] / scales[kept[j]].sqrt()
-            });
-            block = combine(&block, &whitening);
+        // x' = (L + μB)⁻¹Bx has the residual B(x − x'/θ).
+        let residual = |j: usize| {
+            let theta = ritz.values[dimension - 1 - j];
+            ritz.residuals[dimension - 1 - j] / (theta * theta)
+        };
+        let excess = |j: usize| {
+            let lambda = lambda(ritz, mu, j).abs();
+            let goal = if j < new { TOLERANCE * lambda } else { GLANCE * lambda };
+            residual(j) / (0.5 * goal.max(self.floor))
+        };
+        let worst = if new < dimension {
+            (0..=new).map(excess).fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { b.max(a) })
+        } else {
+            f64::INFINITY
+        };
+        Look { dimension, new, excess: worst }
+    }
+
+    /// What was found before and the `new` dominant Ritz pairs, in ascending order.
+    fn merge(
+        &self,
+        found: Eigenpairs,
+        krylov: &Krylov<'_>,
+        ritz: &Ritz,
+        mu: f64,
+        new: usize,
+    ) -> Eigenpairs {
+        let chosen: Vec<usize> = (0..ritz.values.len()).rev().take(new).collect();
+        let vectors = krylov.vectors(ritz, &chosen);
+        let values: Vec<f64> =
+            found.values.iter().copied().chain((0..new).map(|j| lambda(ritz, mu, j))).collect();
+        let mut order: Vec<usize> = (0..values.len()).collect();
+        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+        let old = found.len();
+        let mut sorted = Dense::zeros(vectors.nrows(), order.len());
+        for (to, &from) in order.iter().enumerate() {
+            let column = if from < old { found.vectors.col(from) } else { vectors.col(from - old) };
+            sorted.col_mut(to).copy_from(column);
         }
-        block
+        Eigenpairs { values: order.iter().map(|&j| values[j]).collect(), vectors: sorted }
     }
+}
 
-    /// (L + μB)⁻¹B on the newest `columns` of the basis; records their columns of T.
-    fn apply_last(&mut self, columns: usize) -> Dense {
-        let first = self.b_basis.ncols() - columns;
-        let mut x = self.b_basis.subcols(first, columns).to_owned();
-        self.factor.solve_in_place(&mut x);
-        let t = inner(&self.b_basis, &x);
-        self.projected.extend((0..columns).map(|j| (0..t.nrows()).map(|i| t[(i, j)]).collect()));
+/// A lower bound of λ_max: the Rayleigh quotient of one vertex.
+fn largest_eigenvalue(pencil: Pencil<'_>) -> f64 {
+    let (l, b) = (pencil.stiffness.diag_iter(), pencil.mass.diag_iter());
+    let quotient = |(l, b): (Option<&f64>, Option<&f64>)| Some(l? / b?);
+    l.zip(b).filter_map(quotient).fold(0.0, f64::max)
+}
+
+/// The j-th lowest λ = 1/θ − μ, from the j-th largest θ.
+fn lambda(ritz: &Ritz, mu: f64, j: usize) -> f64 {
+    ritz.values[ritz.values.len() - 1 - j].recip() - mu
+}
+
+/// What a look at T showed.
+struct Look {
+    /// m.
+    dimension: usize,
+    /// The number of pairs that have to converge.
+    new: usize,
+    /// The largest of their residuals over what is asked of it.
+    excess: f64,
+}
+
+impl Look {
+    /// How many blocks to add before the next look, from how the excess fell since the last.
+    fn more_blocks(&self, before: Option<&Self>) -> usize {
+        let Some(before) = before else { return 3 };
+        let blocks = (self.dimension - before.dimension) / WIDTH;
+        let fall = (before.excess.ln() - self.excess.ln()) / blocks.max(1) as f64;
+        let estimate = self.excess.ln() / fall;
+        if estimate.is_finite() && fall > 0.0 { (estimate.ceil() as usize).clamp(1, 4) } else { 3 }
+    }
+}
+
+/// All eigenpairs of a small problem.
+fn dense(problem: &Problem<'_>) -> Eigenpairs {
+    let pencil = problem.pencil();
+    // Scaled by the diagonal of B, so that large and small triangles are alike to it.
+    let scale: Vec<f64> =
+        pencil.mass.diag_iter().map(|b| b.copied().unwrap_or(f64::NAN).sqrt().recip()).collect();
+    let scaled = |a: &crate::operators::Sparse| {
+        let mut x = Dense::zeros(a.rows(), a.rows());
+        for (&value, (i, j)) in a {
+            x[(i, j)] = scale[i] * value * scale[j];
+        }
         x
+    };
+    let ritz = ritz_pairs(&scaled(pencil.stiffness), &scaled(pencil.mass), 0.0);
+    let mut vectors = ritz.coefficients;
+    for j in 0..vectors.ncols() {
+        let column = super::pencil::column_mut(&mut vectors, j);
+        column.iter_mut().zip(&scale).for_each(|(value, s)| *value *= s);
     }
-
-    /// Ritz values of the inverted operator in descending order, with their coefficients.
-    fn ritz(&self) -> (Vec<f64>, Dense) {
-        let m = self.projected.len();
-        let t = Dense::from_fn(m, m, |i, j| {
-            // Column j knows the rows up to the end of its own block; symmetry gives the rest.
-            let (short, long) = (i.min(j), i.max(j));
-            self.projected[long][short]
-        });
-        let (values, vectors) = symmetric_eigen(&t);
-        let reversed = Dense::from_fn(m, m, |i, j| vectors[(i, m - 1 - j)]);
-        (values.into_iter().rev().collect(), reversed)
-    }
-
-    /// Splits an applied block into what the basis does not hold yet and its coupling to the newest block.
-    fn orthogonalise(&self, mut block: Dense) -> (Dense, Dense) {
-        project_out(&mut block, &self.basis, &self.b_basis);
-        project_out(&mut block, &self.basis, &self.b_basis);
-        let coupling = inner(&block, &product(self.pencil.mass, &block));
-        (block, coupling)
-    }
-}
-
-/// The largest B-norm of the residuals of the first `count` Ritz pairs: the part of the applied newest block
-/// that leaves the basis, weighted by the last rows of the coefficients.
-fn largest_residual(gram: &Dense, coefficients: &Dense, count: usize) -> f64 {
-    let columns = gram.ncols();
-    let first = coefficients.nrows() - columns;
-    (0..count)
-        .map(|j| {
-            let tail = |i: usize| coefficients[(first + i, j)];
-            let square: f64 = (0..columns)
-                .flat_map(|a| (0..columns).map(move |b| (a, b)))
-                .map(|(a, b)| tail(a) * gram[(a, b)] * tail(b))
-                .sum();
-            square.max(0.0).sqrt()
-        })
-        .fold(0.0, f64::max)
-}
-
-fn beside(left: &Dense, right: &Dense) -> Dense {
-    let mut joined = Dense::zeros(left.nrows(), left.ncols() + right.ncols());
-    joined.subcols_mut(0, left.ncols()).copy_from(left);
-    joined.subcols_mut(left.ncols(), right.ncols()).copy_from(right);
-    joined
+    let mut pairs = Eigenpairs { values: ritz.values, vectors };
+    // The zeros are known better.
+    let nullspace = problem.nullspace();
+    pairs.values[..nullspace.ncols()].fill(0.0);
+    pairs.vectors.subcols_mut(0, nullspace.ncols()).copy_from(nullspace);
+    pairs.canonical(zero_below(pencil.area()))
 }
 
 #[cfg(test)]

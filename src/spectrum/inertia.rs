@@ -14,12 +14,14 @@ const ROBUSTNESS: f64 = 1e-6;
 /// # Errors
 /// [`SpectrumError::OutOfMemory`].
 pub fn count_below(analysis: &Analysis<'_>, sigma: f64) -> Result<Option<usize>, SpectrumError> {
-    let count = |sigma: f64| match analysis.ldlt_diagonal(sigma) {
-        Ok(diagonal) => Ok(Some(diagonal.iter().filter(|&&d| d < 0.0).count())),
+    let count = |sigma: f64| match analysis.factor(sigma) {
+        Ok(factor) => Ok(Some(factor.negative_pivots())),
         Err(SpectrumError::Breakdown { .. }) => Ok(None),
         Err(error) => Err(error),
     };
-    let (below, above) = (count(sigma * (1.0 - ROBUSTNESS))?, count(sigma * (1.0 + ROBUSTNESS))?);
+    let (below, above) =
+        rayon::join(|| count(sigma * (1.0 - ROBUSTNESS)), || count(sigma * (1.0 + ROBUSTNESS)));
+    let (below, above) = (below?, above?);
     Ok(below.filter(|_| below == above))
 }
 

@@ -4,27 +4,37 @@
 //! - [`eigenpairs`]: values with vectors, their sign and their basis inside a cluster
 //! - [`cluster`]: which eigenvalues are compared as one subspace
 //! - [`rayleigh_ritz`]: small dense eigenproblems, and projection onto a subspace
-//! - [`factor`]: sparse factorisations L + μB = RᵀR and L − σB = R D Rᵀ
+//! - [`factor`]: sparse factorisations L − σB = R D Rᵀ; `triangular`: solves with them
+//! - [`problem`]: the pencil of a mesh with its boundary condition
+//! - [`panel`]: eight functions side by side, and products of such blocks
+//! - `lanczos`: a Krylov space grown by panels
 //! - [`fem`]: shift-invert block Lanczos, the reference
 //! - [`nullspace`]: the eigenfunctions of λ = 0
 //! - [`mpgd`]: the paper's Algorithm 1, the second opinion
 //! - [`inertia`]: the exact number of eigenvalues below a shift
+//! - [`dual_norm`]: norms of residuals that bound eigenvalue errors
 //! - [`certificate`]: what was checked of a set of eigenpairs
 
 pub mod certificate;
 pub mod cluster;
+pub mod dual_norm;
 pub mod eigenpairs;
 pub mod factor;
 pub mod fem;
 pub mod inertia;
+mod lanczos;
 pub mod mpgd;
 pub mod nullspace;
+pub mod panel;
 pub mod pencil;
+pub mod problem;
 pub mod rayleigh_ritz;
+mod triangular;
 
 pub use certificate::Certificate;
 pub use eigenpairs::Eigenpairs;
 pub use pencil::Pencil;
+pub use problem::Problem;
 
 /// A dense column-major matrix, one function on the mesh a column.
 pub type Dense = faer::Mat<f64>;
@@ -37,16 +47,22 @@ pub enum SpectrumError {
     TooMany { asked: usize, n: usize },
     /// The factorisation met a pivot that is zero or not a number: a sliver's cotangent has swamped the rest.
     #[error(
-        "the factorisation of L + {shift:.3e} B broke down at pivot {pivot}; \
+        "the factorisation of L − σB with σ = {sigma:.3e} broke down at pivot {pivot}; \
          the mesh has triangles too thin for double precision: remesh it, or remove its slivers"
     )]
-    Breakdown { shift: f64, pivot: usize },
-    /// The iteration ended before the residual was small enough.
+    Breakdown { sigma: f64, pivot: usize },
+    /// The Krylov space filled up before the residuals were small enough.
     #[error(
-        "the reference solver stopped after {iterations} iterations with residual {residual:.3e} \
-         where {goal:.3e} was asked; the mesh is too badly conditioned: look at it with `chladni info`"
+        "the eigensolver stopped after {iterations} blocks with residuals {excess:.1e} times what is asked; the mesh is \
+         too badly conditioned: look at it with `chladni info`, or set operators.robust = true"
     )]
-    NotConverged { iterations: usize, residual: f64, goal: f64 },
+    NotConverged { iterations: usize, excess: f64 },
+    /// Dirichlet conditions on a closed surface.
+    #[error("the mesh has no boundary, so there is nothing to hold to zero; use the Neumann condition")]
+    NoBoundary,
+    /// Dirichlet conditions where every vertex lies on the boundary.
+    #[error("all {vertices} vertices lie on the boundary, so that Dirichlet conditions leave nothing; refine the mesh")]
+    NoInterior { vertices: usize },
     /// There was no memory for the factor.
     #[error("there is not enough memory to factorise a matrix with {n} rows")]
     OutOfMemory { n: usize },

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::eigenpairs::{normalise, orient};
-use super::factor::Cholesky;
+use super::factor::Factor;
 use super::pencil::{apply, column, dot};
 use super::{Dense, Eigenpairs, Pencil};
 
@@ -35,7 +35,7 @@ pub enum Direction<'a> {
     /// Down the gradient, as the paper prints it.
     Gradient,
     /// Down (L + μB)⁻¹ times the gradient.
-    Preconditioned(&'a Cholesky<'a>),
+    Preconditioned(&'a Factor<'a>),
 }
 
 impl Direction<'_> {
@@ -246,7 +246,7 @@ mod tests {
             let pencil = Pencil::from(&operators);
             let analysis = Analysis::new(pencil).unwrap();
             let reference = fem::lowest(pencil, &analysis, 9).unwrap();
-            let factor = analysis.cholesky(0.1).unwrap();
+            let factor = analysis.positive(0.1).unwrap();
             let steps =
                 [Direction::Gradient, Direction::Preconditioned(&factor)].map(|direction| {
                     let stopping = Stopping { tolerance: 1e-9, max_iterations: 20_000 };

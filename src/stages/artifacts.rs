@@ -9,7 +9,8 @@ use crate::mesh::{Area, TriMesh};
 use crate::operators::intrinsic::Remedies;
 use crate::operators::{MassKind, Operators, Quality, Sparse};
 use crate::remesh::Family;
-use crate::spectrum::certificate::{Completeness, PairCertificate, References};
+use crate::spectrum::certificate::{Completeness, PairCertificate, SecondOpinion};
+use crate::spectrum::fem::Reference;
 use crate::spectrum::mpgd::{Run, StoppedBy};
 use crate::spectrum::{Certificate, Dense, Eigenpairs};
 use crate::store::Artifact;
@@ -28,8 +29,9 @@ artifact!(FamilyArtifact, "remesh", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
 artifact!(BlockArtifact, "train", version 1, schema 1);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
-artifact!(ReferenceArtifact, "reference", version 1, schema 1);
-artifact!(CertificateArtifact, "certify", version 1, schema 1);
+artifact!(ReferenceArtifact, "reference", version 2, schema 2);
+artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
+artifact!(CertificateArtifact, "certify", version 2, schema 1);
 
 /// The variants of a mesh: positions and triangles.
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
@@ -234,11 +236,39 @@ impl From<PredictionArtifact> for Dense {
     }
 }
 
-/// The two reference solutions.
+/// The reference solver's pairs and its count.
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
 pub struct ReferenceArtifact {
-    fem: (Vec<f64>, Columns),
-    mpgd: (Vec<f64>, Columns),
+    values: Vec<f64>,
+    vectors: Columns,
+    sigma: f64,
+    count: Option<u32>,
+}
+
+impl From<&Reference> for ReferenceArtifact {
+    fn from(reference: &Reference) -> Self {
+        Self {
+            values: reference.pairs.values.clone(),
+            vectors: (&reference.pairs.vectors).into(),
+            sigma: reference.sigma,
+            count: reference.count.map(|count| count as u32),
+        }
+    }
+}
+
+impl From<ReferenceArtifact> for Reference {
+    fn from(artifact: ReferenceArtifact) -> Self {
+        let ReferenceArtifact { values, vectors, sigma, count } = artifact;
+        let pairs = Eigenpairs { values, vectors: vectors.into() };
+        Self { pairs, sigma, count: count.map(|count| count as usize) }
+    }
+}
+
+/// M-PGD's pairs and how it went.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct SecondOpinionArtifact {
+    values: Vec<f64>,
+    vectors: Columns,
     runs: Vec<RunParts>,
 }
 
@@ -249,26 +279,21 @@ type RunParts = (u64, f64, f64, u8);
 const STOPPED_BY: [StoppedBy; 4] =
     [StoppedBy::Tolerance, StoppedBy::Count, StoppedBy::AfterUnconverged, StoppedBy::Cancelled];
 
-impl From<&References> for ReferenceArtifact {
-    fn from(references: &References) -> Self {
-        let parts = |pairs: &Eigenpairs| (pairs.values.clone(), (&pairs.vectors).into());
+impl From<&SecondOpinion> for SecondOpinionArtifact {
+    fn from(opinion: &SecondOpinion) -> Self {
         Self {
-            fem: parts(&references.fem),
-            mpgd: parts(&references.mpgd),
-            runs: references.mpgd_runs.iter().map(run_parts).collect(),
+            values: opinion.pairs.values.clone(),
+            vectors: (&opinion.pairs.vectors).into(),
+            runs: opinion.runs.iter().map(run_parts).collect(),
         }
     }
 }
 
-impl From<ReferenceArtifact> for References {
-    fn from(artifact: ReferenceArtifact) -> Self {
-        let pairs =
-            |(values, vectors): (Vec<f64>, Columns)| Eigenpairs { values, vectors: vectors.into() };
-        Self {
-            fem: pairs(artifact.fem),
-            mpgd: pairs(artifact.mpgd),
-            mpgd_runs: artifact.runs.into_iter().map(run_of).collect(),
-        }
+impl From<SecondOpinionArtifact> for SecondOpinion {
+    fn from(artifact: SecondOpinionArtifact) -> Self {
+        let SecondOpinionArtifact { values, vectors, runs } = artifact;
+        let pairs = Eigenpairs { values, vectors: vectors.into() };
+        Self { pairs, runs: runs.into_iter().map(run_of).collect() }
     }
 }
 

@@ -1,23 +1,29 @@
 //! The stages of a run, and the run that joins them: thin joints between the numerics, the store and the engine.
 //!
 //! ```text
-//! paths ─► ingest ─► remesh ─► assemble ─► train φ₂ ─► train φ₃ ─► … ─► verify ─► publish
+//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► train φ₃ ─► … ─► predict ─┬─► verify ─► publish
+//!                              └─► solve ──────────────────────────────────────────────────┘
 //! ```
 //! - [`intake`]: which meshes there are
 //! - [`context`]: what all stages share; recalling a result or computing it
 //! - [`artifacts`]: what the store keeps of each stage
-//! - [`ingest`], [`remesh`], [`assemble`], [`train`], [`verify`], [`publish`]: one stage each
+//! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`train`], [`verify`], [`publish`]: one stage each
+//! - [`candidates`]: the stages `predict` and `solve`, which make what is verified
+//! - [`reference`]: what it is held against
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
 //! - [`run`]: the whole chain
 
 pub mod artifacts;
 pub mod assemble;
+pub mod candidates;
 pub mod context;
 pub mod failure;
+pub mod family;
 pub mod ingest;
 pub mod intake;
 pub mod publish;
+pub mod reference;
 pub mod remesh;
 pub mod run;
 pub mod train;

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::Failure;
 use super::context::Context;
+use super::candidates::Origin;
 use super::train::TrainedBlock;
 use super::verify::Verified;
 use crate::flow::events::How;
@@ -27,8 +28,7 @@ use crate::spectrum::Eigenpairs;
 pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Failure> {
     let started = Instant::now();
     let spectrum = spectrum(&context.pipeline, &verified);
-    let Verified { trained, vectors, order, certificate, judgement } = verified;
-    let (blocks, assembled) = (trained.blocks, trained.assembled);
+    let Verified { assembled, origin, vectors, order, certificate, judgement } = verified;
     let mut loaded = assembled.loaded;
     let mesh = &loaded.ingested.mesh;
     let folder = context.out.join(&loaded.job.name);
@@ -51,7 +51,7 @@ pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Fail
         remove(&ply)?;
     }
     loaded.spent("publish", How::Computed, started.elapsed());
-    let record = record(loaded.stages, &blocks, &order);
+    let record = record(loaded.stages, &origin, &order);
     write_if_changed(&folder.join("run.json"), &record.to_json())?;
     // Whoever waits for results waits for this file: all others are there when it is.
     write_if_changed(&folder.join(SPECTRUM), &document)?;
@@ -75,14 +75,13 @@ pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishErro
 }
 
 fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
-    let assembled = &verified.trained.assembled;
+    let assembled = &verified.assembled;
     let certificate = &verified.certificate;
     let area = assembled.loaded.ingested.mesh.area();
-    let known = verified.trained.known();
     let verdict = |fine: bool| if fine { Verdict::Verified } else { Verdict::Unverified };
     let judged = certificate.pairs.iter().zip(&verified.judgement.pairs);
     let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {
-        let source = if j < known { Source::Constant } else { Source::Trained };
+        let source = source(&verified.origin, j);
         Eigenpair::new(j + 1, source, verdict(short.is_empty()), pair, area)
     });
     Spectrum {
@@ -92,6 +91,7 @@ fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
         eigenpairs: eigenpairs.collect(),
         orthonormality: certificate.orthonormality,
         completeness: certificate.completeness.into(),
+        quality: assembled.operators.quality.into(),
         repairs: (&assembled.loaded.ingested.repairs).into(),
         provenance: Provenance::new(parameters(pipeline)),
     }
@@ -109,21 +109,41 @@ fn parameters(pipeline: &Pipeline) -> serde_json::Value {
     })
 }
 
-fn record(stages: Vec<StageRecord>, blocks: &[TrainedBlock], order: &[usize]) -> RunRecord {
-    let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
-    let pair = |block: &TrainedBlock| PairRecord {
-        k: 1 + order.iter().position(|&column| column + 1 == block.k).unwrap_or(block.k - 1),
-        cached: block.how == How::Reused,
-        seconds: block.seconds,
-    };
-    let mut pairs: Vec<PairRecord> = blocks.iter().map(pair).collect();
-    pairs.sort_by_key(|pair| pair.k);
-    RunRecord {
-        schema: RunRecordSchema::V1,
-        seconds: stages.iter().map(|stage| stage.seconds).sum(),
-        pairs,
-        trained: blocks.len() - reused,
-        reused,
-        stages,
+/// Where pair `j`, from 0, comes from. The solver puts exact zeros where it knows the eigenfunction.
+fn source(origin: &Origin, j: usize) -> Source {
+    match origin {
+        Origin::Learned { known, .. } if j < *known => Source::Constant,
+        Origin::Learned { .. } => Source::Trained,
+        Origin::Fem { reference, .. } if reference.pairs.values[j] == 0.0 => Source::Constant,
+        Origin::Fem { .. } => Source::Fem,
     }
+}
+
+fn record(stages: Vec<StageRecord>, origin: &Origin, order: &[usize]) -> RunRecord {
+    let mut pairs: Vec<PairRecord> = match origin {
+        Origin::Learned { blocks, .. } => {
+            let place = |k: usize| order.iter().position(|&column| column + 1 == k);
+            let pair = |block: &TrainedBlock| PairRecord {
+                k: 1 + place(block.k).unwrap_or(block.k - 1),
+                cached: block.how == How::Reused,
+                seconds: block.seconds,
+            };
+            blocks.iter().map(pair).collect()
+        }
+        // All pairs are the work of one stage.
+        Origin::Fem { how, .. } => {
+            let cached = *how == How::Reused;
+            (1..=order.len()).map(|k| PairRecord { k, cached, seconds: f64::NAN }).collect()
+        }
+    };
+    pairs.sort_by_key(|pair| pair.k);
+    let (trained, reused) = match origin {
+        Origin::Learned { blocks, .. } => {
+            let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
+            (blocks.len() - reused, reused)
+        }
+        Origin::Fem { .. } => (0, 0),
+    };
+    let seconds = stages.iter().map(|stage| stage.seconds).sum();
+    RunRecord { schema: RunRecordSchema::V1, seconds, pairs, trained, reused, stages }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Failure;
 use super::artifacts::FamilyArtifact;
 use super::context::{Context, Work};
-use super::ingest::Loaded;
+use super::assemble::Assembled;
 use crate::flow::Panicked;
 use crate::remesh::{Family, FamilyRecipe};
 use crate::store::Digest;
@@ -13,8 +13,8 @@ use crate::store::Digest;
 /// A mesh with its family.
 #[derive(Debug, Clone)]
 pub struct Familied {
-    /// The mesh.
-    pub loaded: Loaded,
+    /// The mesh with its operators.
+    pub assembled: Assembled,
     /// Its variants.
     pub family: Arc<Family>,
     /// Of the family.
@@ -25,7 +25,12 @@ pub struct Familied {
 ///
 /// # Errors
 /// When no variants of the wanted size keep the topology.
-pub fn remesh(context: &Context, item: usize, mut loaded: Loaded) -> Result<Familied, Failure> {
+pub fn remesh(
+    context: &Context,
+    item: usize,
+    mut assembled: Assembled,
+) -> Result<Familied, Failure> {
+    let loaded = &mut assembled.loaded;
     let recipe @ FamilyRecipe { members, vertices, jitter, seed } = context.pipeline.family;
     let work = Work::<FamilyArtifact>::of_stage()
         .param("members", members.to_string())
@@ -43,6 +48,6 @@ pub fn remesh(context: &Context, item: usize, mut loaded: Loaded) -> Result<Fami
     let (k, smallest) = (context.pipeline.train.k, family.members.iter().map(|m| m.n()).min());
     match smallest {
         Some(n) if n < k => Err(Failure::CoarseFamily { n, k }),
-        _ => Ok(Familied { loaded, family: Arc::new(family), family_digest: recalled.digest }),
+        _ => Ok(Familied { assembled, family: Arc::new(family), family_digest: recalled.digest }),
     }
 }

@@ -11,10 +11,9 @@ use tokio_util::sync::CancellationToken;
 
 use super::context::Context;
 use super::intake::Job;
-use super::train::InTraining;
-use super::{Failure, assemble, ingest, publish, remesh, train, verify};
+use super::{Failure, assemble, candidates, family, ingest, publish, remesh, train, verify};
 use crate::flow::{EventSink, Outcome, Parcel, Stage, Workers};
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Method, Pipeline};
 use crate::publish::report::{MeshReport, RunReport};
 use crate::store::Store;
 
@@ -102,26 +101,38 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     Ok(Ended { report, defect })
 }
 
-/// ingest ─► remesh ─► assemble ─► train φ₂ ─► … ─► train φ_K ─► verify ─► publish
+/// ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► … ─► train φ_K ─► predict ─┬─► verify ─► publish
+///                     └─► solve ──────────────────────────────────────────────────┘
 fn chain(
     context: &Arc<Context>,
     first: Stage<Job, MeshReport, Failure>,
 ) -> tokio::task::JoinSet<()> {
     let c = || context.clone();
-    let (ingesting, remeshing, assembling) = (c(), c(), c());
-    let mut training = first
+    let (ingesting, assembling) = (c(), c());
+    let assembled = first
         .then(move |_, job| ingest::ingest(&ingesting, job))
-        .then(move |item, loaded| remesh::remesh(&remeshing, item, loaded))
-        .then(move |item, familied| {
-            assemble::assemble(&assembling, item, familied).map(InTraining::new)
-        });
-    for k in 2..=context.pipeline.train.k {
-        let trainer = c();
-        training = training.then(move |item, state| train::train(&trainer, item, k, state));
-    }
+        .then(move |item, loaded| assemble::assemble(&assembling, item, loaded));
+    let candidates = match context.pipeline.train.method {
+        Method::Fem => {
+            let solving = c();
+            assembled.then(move |item, assembled| candidates::solve(&solving, item, assembled))
+        }
+        Method::LepDpinn => {
+            let (remeshing, preparing) = (c(), c());
+            let mut training = assembled
+                .then(move |item, assembled| remesh::remesh(&remeshing, item, assembled))
+                .then(move |item, familied| family::prepare(&preparing, item, familied));
+            for k in 2..=context.pipeline.train.k {
+                let trainer = c();
+                training = training.then(move |item, state| train::train(&trainer, item, k, state));
+            }
+            let predicting = c();
+            training.then(move |item, trained| candidates::predict(&predicting, item, trained))
+        }
+    };
     let (verifying, publishing) = (c(), c());
-    training
-        .then(move |item, trained| verify::verify(&verifying, item, trained))
+    candidates
+        .then(move |item, candidates| verify::verify(&verifying, item, candidates))
         .then(move |_, verified| publish::publish(&publishing, verified))
         .end()
 }

@@ -9,8 +9,9 @@ use tracing_indicatif::span_ext::IndicatifSpanExt;
 
 use super::Failure;
 use super::artifacts::BlockArtifact;
-use super::assemble::{Assembled, TrainingSet};
+use super::assemble::Assembled;
 use super::context::{Context, Work, canonical};
+use super::family::TrainingSet;
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::predict::predict_next;
@@ -22,8 +23,10 @@ use crate::store::Digest;
 /// A mesh whose first blocks are trained.
 #[derive(Debug, Clone)]
 pub struct InTraining {
-    /// The mesh and what training may see of it.
+    /// The mesh.
     pub assembled: Assembled,
+    /// What training may see.
+    pub training: Arc<TrainingSet>,
     /// The blocks so far, in the order of their eigenfunctions.
     pub blocks: Vec<TrainedBlock>,
     /// The eigenfunctions so far on every member: as many as training has needed.
@@ -47,13 +50,14 @@ pub struct TrainedBlock {
 
 impl InTraining {
     /// A mesh none of whose blocks is trained yet.
-    pub fn new(assembled: Assembled) -> Self {
-        Self { earlier: assembled.training.nullspaces.clone(), assembled, blocks: Vec::new() }
+    pub fn new(assembled: Assembled, training: TrainingSet) -> Self {
+        let earlier = training.nullspaces.clone();
+        Self { assembled, training: Arc::new(training), blocks: Vec::new(), earlier }
     }
 
     /// How many eigenfunctions need no block: those of λ = 0.
     pub fn known(&self) -> usize {
-        self.assembled.training.nullspaces.first().map_or(0, Dense::ncols)
+        self.training.nullspaces.first().map_or(0, Dense::ncols)
     }
 }
 
@@ -71,7 +75,7 @@ pub fn train(
         return Ok(state);
     }
     let started = Instant::now();
-    let training = state.assembled.training.clone();
+    let training = state.training.clone();
     let options = &context.pipeline.train;
     let recipe = options.recipe();
     let features = context.pipeline.features.normalise;

@@ -29,6 +29,9 @@ pub enum Shortfall {
     /// The angle to M-PGD's cluster is too large, where M-PGD has converged.
     #[error("angle to M-PGD")]
     AngleMpgd,
+    /// ‖Lφ − λBφ‖ is too large.
+    #[error("the residual is too large")]
+    Residual,
     /// ΦᵀBΦ is too far from I.
     #[error("the eigenfunctions are not orthonormal")]
     Orthonormality,
@@ -59,20 +62,33 @@ fn join(shortfalls: &[Shortfall]) -> String {
     shortfalls.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
+/// What pairs are judged by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standard {
+    /// Learned pairs: by how far they are from both references.
+    References,
+    /// Solved pairs: by their residuals, which bound the error of λ.
+    Residuals,
+}
+
 /// Judges every pair and the set. A measurement that is not a number falls short.
-pub fn judge(certificate: &Certificate, tolerances: &Verify) -> Judgement {
-    // For λ = 0, relative means relative to the first eigenvalue that M-PGD was not given; where K ends before
-    // it, to the shift in the gap below it.
-    let first = match certificate.pairs.iter().find(|pair| pair.mpgd.is_some()) {
-        Some(pair) => pair.lambda_fem.abs(),
-        None => certificate.completeness.sigma,
-    };
+pub fn judge(certificate: &Certificate, tolerances: &Verify, standard: Standard) -> Judgement {
+    // For λ = 0, relative means relative to the first eigenvalue that is not; where K ends before it, to the shift in
+    // the gap below it.
+    let sigma = certificate.completeness.sigma;
+    let positive = |pair: &&PairCertificate| pair.lambda_fem > ZERO * sigma;
+    let first = certificate.pairs.iter().find(positive).map_or(sigma, |pair| pair.lambda_fem);
     let converged =
         |pair: &PairCertificate| pair.mpgd.is_none_or(|run| run.stopped_by == StoppedBy::Tolerance);
     let pairs = certificate.pairs.iter().map(|pair| {
         // Its cluster is compared as a whole, so one unconverged member spoils the angle of all.
         let mut cluster = certificate.pairs.iter().filter(|other| other.cluster == pair.cluster);
-        judge_pair(pair, tolerances, first, converged(pair), cluster.all(converged))
+        match standard {
+            Standard::Residuals => judge_residual(pair, tolerances, first),
+            Standard::References => {
+                judge_pair(pair, tolerances, first, converged(pair), cluster.all(converged))
+            }
+        }
     });
     let mut set = Vec::new();
     if exceeds(certificate.orthonormality, tolerances.orthonormality_tolerance) {
@@ -82,6 +98,15 @@ pub fn judge(certificate: &Certificate, tolerances: &Verify) -> Judgement {
         set.push(Shortfall::Completeness);
     }
     Judgement { pairs: pairs.collect(), set }
+}
+
+/// An eigenvalue below this multiple of the largest is zero to working precision.
+const ZERO: f64 = 1e-9;
+
+fn judge_residual(pair: &PairCertificate, tolerances: &Verify, first: f64) -> Vec<Shortfall> {
+    let residual = pair.residual / pair.lambda.max(first);
+    let short = exceeds(residual, tolerances.residual_tolerance);
+    short.then_some(Shortfall::Residual).into_iter().collect()
 }
 
 fn judge_pair(
@@ -153,11 +178,11 @@ mod tests {
     #[test]
     fn each_shortfall_is_named() {
         let tolerances = Verify::default();
-        assert!(judge(&certificate(), &tolerances).is_verified());
+        assert!(judge(&certificate(), &tolerances, Standard::References).is_verified());
         let with = |change: fn(&mut Certificate)| {
             let mut certificate = certificate();
             change(&mut certificate);
-            judge(&certificate, &tolerances)
+            judge(&certificate, &tolerances, Standard::References)
         };
         assert_eq!(
             with(|c| c.pairs[1].lambda = 2.03).pairs[1],
@@ -171,11 +196,22 @@ mod tests {
     }
 
     #[test]
+    fn solved_pairs_are_judged_by_their_residuals_alone() {
+        let mut certificate = certificate();
+        certificate.pairs[1].lambda_mpgd = f64::NAN;
+        certificate.pairs[1].mpgd = None;
+        let judged = |c: &Certificate| judge(c, &Verify::default(), Standard::Residuals);
+        assert!(judged(&certificate).is_verified());
+        certificate.pairs[0].residual = 1e-5;
+        assert_eq!(judged(&certificate).pairs, [vec![Shortfall::Residual], vec![]]);
+    }
+
+    #[test]
     fn an_unconverged_second_opinion_does_not_count() {
         let mut certificate = certificate();
         certificate.pairs[1].lambda_mpgd = 9.0;
         certificate.pairs[1].mpgd =
             Some(Run { iterations: 9, change: 0.1, residual: 0.5, stopped_by: StoppedBy::Count });
-        assert!(judge(&certificate, &Verify::default()).is_verified());
+        assert!(judge(&certificate, &Verify::default(), Standard::References).is_verified());
     }
 }

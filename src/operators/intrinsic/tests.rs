@@ -7,6 +7,7 @@ const ROBUST: OperatorOptions = OperatorOptions {
     laplacian: crate::operators::Laplacian::Cotangent,
     mass: Some(MassKind::Consistent),
     robust: true,
+    boundary: crate::operators::Boundary::Neumann,
 };
 
 fn glued(mesh: &TriMesh) -> (Pattern, Gluing) {

@@ -1,0 +1,107 @@
+//! The eigenfunctions that are to be verified, from a model's prediction or from the reference solver itself.
+
+use std::time::Instant;
+
+use super::Failure;
+use super::artifacts::PredictionArtifact;
+use super::assemble::Assembled;
+use super::context::{Context, Work, canonical};
+use super::family::network_input;
+use super::reference;
+use super::train::{InTraining, TrainedBlock};
+use crate::flow::events::How;
+use crate::ggnn::predict::predict_all;
+use crate::spectrum::Dense;
+use crate::spectrum::fem::Reference;
+use crate::store::Digest;
+
+/// A mesh with K functions that may be its eigenfunctions.
+#[derive(Debug, Clone)]
+pub struct Candidates {
+    /// The mesh.
+    pub assembled: Assembled,
+    /// φ₁ … φ_K, n×K, unit B-norm in input units.
+    pub vectors: Dense,
+    /// Of what they were made from.
+    pub digest: Digest,
+    /// Where they come from.
+    pub origin: Origin,
+}
+
+/// Where candidates come from.
+#[derive(Debug, Clone)]
+pub enum Origin {
+    /// A model was trained for the mesh.
+    Learned {
+        /// How many of the first are known in advance: the eigenfunctions of λ = 0.
+        known: usize,
+        /// The blocks of the others.
+        blocks: Vec<TrainedBlock>,
+    },
+    /// The reference solver.
+    Fem {
+        /// Its pairs and its count.
+        reference: Box<Reference>,
+        /// Solved in this run or reused.
+        how: How,
+    },
+}
+
+/// Predicts the eigenfunctions of the mesh with its blocks.
+///
+/// # Errors
+/// When the run is interrupted.
+pub fn predict(
+    context: &Context,
+    item: usize,
+    mut trained: InTraining,
+) -> Result<Candidates, Failure> {
+    let started = Instant::now();
+    let features = context.pipeline.features.normalise;
+    let k = context.pipeline.train.k;
+    let known = trained.known();
+    let InTraining { assembled, blocks, .. } = &mut trained;
+    let work = blocks.iter().fold(
+        Work::<PredictionArtifact>::of_stage()
+            .param("features", canonical(&features))
+            .param("k", k.to_string())
+            .input("mesh", &assembled.loaded.digest())
+            .input("operators", &assembled.operators_digest),
+        |work, block| work.input(format!("block {}", block.k), &block.digest),
+    );
+    let recalled = context.recall(item, work.seeded(0, "f32"), || {
+        let operators = &assembled.operators;
+        let input = network_input(context, &assembled.loaded.ingested.mesh, operators);
+        let blocks = blocks.iter().map(|trained| &*trained.block);
+        let problem = assembled.problem(context.pipeline.operators.boundary)?;
+        let zeros = problem.nullspace();
+        let zeros = zeros.subcols(0, zeros.ncols().min(k)).to_owned();
+        Ok((&predict_all(&zeros, blocks, &input, &operators.mass)).into())
+    })?;
+    assembled.loaded.spent("predict", recalled.how, started.elapsed());
+    Ok(Candidates {
+        vectors: recalled.artifact.into(),
+        digest: recalled.digest,
+        origin: Origin::Learned { known, blocks: trained.blocks },
+        assembled: trained.assembled,
+    })
+}
+
+/// Solves for the eigenfunctions of the mesh.
+///
+/// # Errors
+/// When the mesh cannot have the boundary condition, the solver fails, or the run is interrupted.
+pub fn solve(
+    context: &Context,
+    item: usize,
+    mut assembled: Assembled,
+) -> Result<Candidates, Failure> {
+    let recalled = reference::fem(context, item, &assembled)?;
+    assembled.loaded.spent("solve", recalled.how, recalled.spent);
+    let (how, digest) = (recalled.how, recalled.digest);
+    let reference = Reference::from(recalled.artifact);
+    let vectors = reference.pairs.vectors.subcols(0, context.pipeline.train.k).to_owned();
+    let vectors = assembled.problem(context.pipeline.operators.boundary)?.extend(vectors);
+    let reference = Box::new(reference);
+    Ok(Candidates { assembled, vectors, digest, origin: Origin::Fem { reference, how } })
+}

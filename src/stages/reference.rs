@@ -1,0 +1,77 @@
+//! The two independent solutions of a mesh's eigenproblem. They depend on the operators alone: no block, and no tolerance
+//! of the verdict, enters their keys, and nothing of theirs enters training.
+
+use super::Failure;
+use super::artifacts::{ReferenceArtifact, SecondOpinionArtifact};
+use super::assemble::Assembled;
+use super::context::{Context, Recalled, Work, canonical};
+use crate::pipeline::MpgdDirection;
+use crate::spectrum::certificate::SecondOpinion;
+use crate::spectrum::factor::Analysis;
+use crate::spectrum::mpgd::{self, Direction, StoppedBy};
+use crate::spectrum::{Eigenpairs, fem};
+use crate::store::Artifact;
+
+/// The reference solver's pairs, to the end of the cluster of λ_K.
+///
+/// # Errors
+/// When the mesh cannot have the boundary condition, the solver fails, or the run is interrupted.
+pub fn fem(
+    context: &Context,
+    item: usize,
+    assembled: &Assembled,
+) -> Result<Recalled<ReferenceArtifact>, Failure> {
+    let work = posed::<ReferenceArtifact>(context, assembled);
+    context.recall(item, work.seeded(0, "f64"), || {
+        let problem = assembled.problem(context.pipeline.operators.boundary)?;
+        let analysis = Analysis::new(problem.pencil())?;
+        Ok((&fem::lowest(&problem, &analysis, context.pipeline.train.k)?).into())
+    })
+}
+
+/// M-PGD's pairs, `count` of them: a cluster that K cuts is compared as a whole.
+///
+/// # Errors
+/// As [`fem`].
+pub fn mpgd(
+    context: &Context,
+    item: usize,
+    assembled: &Assembled,
+    count: usize,
+) -> Result<Recalled<SecondOpinionArtifact>, Failure> {
+    let verify = &context.pipeline.verify;
+    let work = posed::<SecondOpinionArtifact>(context, assembled)
+        .param("count", count.to_string())
+        .param("stopping", canonical(&verify.stopping()))
+        .param("direction", canonical(&verify.mpgd_direction));
+    context.recall(item, work.seeded(verify.mpgd_seed, "f64"), || {
+        let problem = assembled.problem(context.pipeline.operators.boundary)?;
+        let pencil = problem.pencil();
+        let zeros = problem.nullspace();
+        let vectors = zeros.subcols(0, zeros.ncols().min(count)).to_owned();
+        let known = Eigenpairs { values: vec![0.0; vectors.ncols()], vectors };
+        let analysis = Analysis::new(pencil)?;
+        let factor = analysis.positive(1.0 / pencil.area())?;
+        let direction = match verify.mpgd_direction {
+            MpgdDirection::Gradient => Direction::Gradient,
+            MpgdDirection::Preconditioned => Direction::Preconditioned(&factor),
+        };
+        let cancelled = || context.cancel.is_cancelled();
+        let (stopping, seed) = (verify.stopping(), verify.mpgd_seed);
+        let (pairs, runs) =
+            mpgd::lowest(pencil, &known, count, direction, stopping, seed, &cancelled);
+        if runs.iter().any(|run| run.stopped_by == StoppedBy::Cancelled) {
+            return Err(Failure::Interrupted);
+        }
+        Ok((&SecondOpinion { pairs, runs }).into())
+    })
+}
+
+/// Work on the eigenproblem of a mesh.
+fn posed<A: Artifact>(context: &Context, assembled: &Assembled) -> Work<A> {
+    Work::<A>::of_stage()
+        .param("k", context.pipeline.train.k.to_string())
+        .param("boundary", context.pipeline.operators.boundary.name())
+        .input("mesh", &assembled.loaded.digest())
+        .input("operators", &assembled.operators_digest)
+}
