@@ -8,7 +8,7 @@ use toml::{Table, Value};
 use crate::ggnn::features::Normalise;
 use crate::ggnn::network::{Ranges, TrunkShape};
 use crate::ggnn::{features, recipe::Ritz};
-use crate::operators::{Laplacian, OperatorOptions};
+use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::FamilyRecipe;
 use crate::spectrum::mpgd::Stopping;
 
@@ -339,12 +339,23 @@ impl Pipeline {
     }
 
     fn check_operators(&self) -> Result<(), PipelineError> {
-        let OperatorOptions { laplacian, mass, robust: _ } = self.operators;
+        let OperatorOptions { laplacian, mass, robust: _, boundary } = self.operators;
         if let (Some(mass), Err(_)) = (mass, self.operators.mass_kind()) {
             let rule = "\"degree\" belongs to the graph Laplacian, and the other masses to the others; \"auto\" always fits";
             return Err(PipelineError::Value {
                 key: "operators.mass",
                 value: mass.name().into(),
+                rule,
+            });
+        }
+        if self.train.method == Method::Fem {
+            return Ok(());
+        }
+        if boundary == Boundary::Dirichlet {
+            let rule = "is for train.method = \"fem\"; the learned method has the Neumann condition only";
+            return Err(PipelineError::Value {
+                key: "operators.boundary",
+                value: boundary.name().into(),
                 rule,
             });
         }

@@ -1,14 +1,14 @@
 //! Spectra through the public API, held against closed forms and values computed by others.
 
 use chladni::mesh::{TriMesh, load, sample::icosphere};
-use chladni::operators::{MassKind, Operators};
+use chladni::operators::{MassKind, OperatorOptions, Operators};
 use chladni::spectrum::certificate::{References, certify, reference_past_gap};
 use chladni::spectrum::factor::Analysis;
 use chladni::spectrum::mpgd::{self, Direction, Stopping};
 use chladni::spectrum::{Dense, Eigenpairs, Pencil, fem};
 
-fn lowest(mesh: &TriMesh, kind: MassKind, count: usize) -> Eigenpairs {
-    let operators = Operators::assemble(mesh, kind).unwrap();
+fn lowest(mesh: &TriMesh, options: impl Into<OperatorOptions>, count: usize) -> Eigenpairs {
+    let operators = Operators::assemble(mesh, options).unwrap();
     let pencil = Pencil::from(&operators);
     fem::lowest(pencil, &Analysis::new(pencil).unwrap(), count).unwrap()
 }
@@ -160,5 +160,45 @@ fn the_graph_laplacian_of_the_icosahedron_has_its_known_eigenvalues() {
     let found = lowest(&icosphere(0), MassKind::Degree, 12).values;
     for (found, adjacency) in found.iter().zip(adjacency) {
         assert!((found - (1.0 - adjacency / 5.0)).abs() < 1e-12, "{found}");
+    }
+}
+
+/// The lowest eigenvalues of spot_829 with slivers, by robust_laplacian, an independent implementation.
+const SLIVERS: &str = include_str!("data/spectra/spot_829_slivers.json");
+
+/// Spot, with a new vertex close to an edge in every seventh triangle.
+fn spot_with_slivers() -> TriMesh {
+    let mesh = load("tests/data/meshes/spot_829.obj".as_ref()).unwrap().mesh;
+    let (mut vertices, mut faces) = (mesh.vertices().to_vec(), Vec::new());
+    for (f, &[a, b, c]) in mesh.faces().iter().enumerate() {
+        if f % 7 == 0 {
+            let [p, q, r] = mesh.corners([a, b, c]);
+            let new = vertices.len() as u32;
+            vertices.push(std::array::from_fn(|i| 0.5 * p[i] + 0.499 * q[i] + 0.001 * r[i]));
+            faces.extend([[a, b, new], [b, c, new], [c, a, new]]);
+        } else {
+            faces.push([a, b, c]);
+        }
+    }
+    TriMesh::new(vertices, faces).unwrap()
+}
+
+#[test]
+fn slivers_are_no_obstacle_to_the_intrinsic_triangulation() {
+    let golden: serde_json::Value = serde_json::from_str(SLIVERS).unwrap();
+    let mesh = spot_with_slivers();
+    let robust =
+        OperatorOptions { mass: Some(MassKind::Lumped), robust: true, ..Default::default() };
+    let own = Operators::assemble(&mesh, MassKind::Lumped).unwrap().quality;
+    assert!(own.non_delaunay_edges > 200 && own.min_angle_degrees < 0.2, "{own:?}");
+    let operators = Operators::assemble(&mesh, robust).unwrap();
+    let quality = operators.quality;
+    assert_eq!((quality.negative_weights, quality.non_delaunay_edges), (0, 0));
+    assert!(quality.min_angle_degrees > 15.0, "{quality:?}");
+    assert!((operators.area.0 / golden["area"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+    let expected: Vec<f64> = serde_json::from_value(golden["neumann_lumped"].clone()).unwrap();
+    let found = lowest(&mesh, robust, expected.len()).values;
+    for (found, expected) in found.iter().zip(&expected).skip(1) {
+        assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
     }
 }

@@ -23,26 +23,27 @@ impl Pattern {
     /// The pattern of `n` vertices and the triangles between them.
     ///
     /// # Panics
-    /// When there are more places than a `u32` can number, some 600 million vertices.
+    /// When there are more pairs of corners than a `u32` can number, those of 477 million triangles.
     pub fn of(n: usize, faces: impl ExactSizeIterator<Item = [u32; 3]> + Clone) -> Self {
+        assert!(9 * faces.len() < ROW as usize, "too many triangles to number their corners");
         let (starts, mut cells) = gathered(n, faces.clone());
-        assert!(cells.len() < u32::MAX as usize, "too many triangles to number their corners");
-        let (mut pointers, mut columns) = (Vec::with_capacity(n + 1), Vec::new());
+        let mut columns = Vec::with_capacity(cells.len());
+        let mut pointers = Vec::with_capacity(n + 1);
         let mut corners = vec![[0; 9]; faces.len()];
-        let mut diagonal = vec![0; n];
+        let mut diagonal = Vec::with_capacity(n);
         pointers.push(0);
-        for (row, range) in starts.windows(2).enumerate() {
-            let cells = &mut cells[range[0]..range[1]];
+        for row in starts.windows(2) {
+            let cells = &mut cells[row[0]..row[1]];
             cells.sort_unstable_by_key(|cell| cell.column);
             let mut last = None;
-            for &Cell { column, origin } in &*cells {
+            for &Cell { column, pair } in &*cells {
                 if last.replace(column) != Some(column) {
                     columns.push(column);
                 }
                 let place = columns.len() as u32 - 1;
-                match origin {
-                    Origin::Row => diagonal[row] = place,
-                    Origin::Corners { face, pair } => corners[face as usize][pair as usize] = place,
+                match corners.as_flattened_mut().get_mut(pair as usize) {
+                    Some(corner) => *corner = place,
+                    None => diagonal.push(place),
                 }
             }
             pointers.push(columns.len());
@@ -105,15 +106,12 @@ impl Pattern {
 #[derive(Clone, Copy)]
 struct Cell {
     column: u32,
-    origin: Origin,
+    /// 9·triangle + 3·corner + other corner, or [`ROW`] for the row's own column.
+    pair: u32,
 }
 
-/// Who wants to know its place: the row, for its diagonal, or a pair of different corners of a triangle.
-#[derive(Clone, Copy)]
-enum Origin {
-    Row,
-    Corners { face: u32, pair: u8 },
-}
+/// No pair of corners.
+const ROW: u32 = u32::MAX;
 
 /// The cells of every row, not in order, and where the rows start.
 fn gathered(n: usize, faces: impl Iterator<Item = [u32; 3]> + Clone) -> (Vec<usize>, Vec<Cell>) {
@@ -123,17 +121,16 @@ fn gathered(n: usize, faces: impl Iterator<Item = [u32; 3]> + Clone) -> (Vec<usi
         starts[row + 1] += starts[row] + 1;
     }
     let mut ends = starts.clone();
-    let mut cells = vec![Cell { column: 0, origin: Origin::Row }; starts[n]];
+    let mut cells = vec![Cell { column: 0, pair: ROW }; starts[n]];
     let mut push = |row: u32, cell: Cell| {
         let end = &mut ends[row as usize];
         cells[*end] = cell;
         *end += 1;
     };
-    (0..n as u32).for_each(|row| push(row, Cell { column: row, origin: Origin::Row }));
+    (0..n as u32).for_each(|row| push(row, Cell { column: row, pair: ROW }));
     for (face, vertices) in (0..).zip(faces) {
         for (i, j) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
-            let origin = Origin::Corners { face, pair: (3 * i + j) as u8 };
-            push(vertices[i], Cell { column: vertices[j], origin });
+            push(vertices[i], Cell { column: vertices[j], pair: 9 * face + (3 * i + j) as u32 });
         }
     }
     (starts, cells)
