@@ -352,7 +352,8 @@ impl Pipeline {
             return Ok(());
         }
         if boundary == Boundary::Dirichlet {
-            let rule = "is for train.method = \"fem\"; the learned method has the Neumann condition only";
+            let rule =
+                "is for train.method = \"fem\"; the learned method has the Neumann condition only";
             return Err(PipelineError::Value {
                 key: "operators.boundary",
                 value: boundary.name().into(),

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::{Laplacian, MassKind, OperatorOptions, Operators, Sparse};
+use super::{MassKind, OperatorOptions, Operators, Sparse};
 use crate::mesh::{TriMesh, sample::icosphere};
 
 const N: usize = 42;

@@ -6,10 +6,10 @@
 use std::ops::Range;
 
 use super::cluster::{CLUSTER_GAP, clusters, zero_below};
-use super::factor::Analysis;
-use super::inertia::count_below;
 use super::dual_norm::{energy_norms, inverse_mass_norms};
+use super::factor::Analysis;
 use super::fem::{self, Reference};
+use super::inertia::count_below;
 use super::panel::{Panel, Row, WIDTH};
 use super::pencil::{column, combine, dot, inner, product, projection};
 use super::rayleigh_ritz::ritz_pairs;

@@ -3,9 +3,9 @@
 //! Both are rᵀA⁻¹r for a positive definite A that is applied often and factorised once at most: by preconditioned
 //! conjugate gradients for eight residuals at a time, where the form −rᵀx decreases to its limit from the first step.
 
+use super::Pencil;
 use super::factor::{Factor, Halves};
 use super::panel::{Panel, Row, WIDTH, apply};
-use super::Pencil;
 
 /// Conjugate gradients stop when the next step would change the square of the norm by less than this.
 const PRECISION: f64 = 1e-14;
@@ -113,9 +113,9 @@ mod tests {
     use super::*;
     use crate::mesh::sample::icosphere;
     use crate::operators::{MassKind, Operators};
+    use crate::spectrum::Dense;
     use crate::spectrum::factor::Analysis;
     use crate::spectrum::pencil::{column, dot};
-    use crate::spectrum::Dense;
 
     #[test]
     fn agree_with_factorisations() {

@@ -116,7 +116,9 @@ impl<'a> Analysis<'a> {
     fn supernodes(&self) -> &SymbolicSupernodalCholesky<usize> {
         match self.symbolic.raw() {
             SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
-            SymbolicCholeskyRaw::Simplicial(_) => unreachable!("a supernodal analysis was asked for"),
+            SymbolicCholeskyRaw::Simplicial(_) => {
+                unreachable!("a supernodal analysis was asked for")
+            }
         }
     }
 
@@ -163,10 +165,7 @@ impl Factor<'_> {
     pub fn solve_panel(&self, x: &mut Panel, halves: &mut Halves) {
         let [left, right] = &mut halves.0;
         let rows = x.rows();
-        rayon::join(
-            || self.solve_half(rows, 0, left),
-            || self.solve_half(rows, COLUMNS, right),
-        );
+        rayon::join(|| self.solve_half(rows, 0, left), || self.solve_half(rows, COLUMNS, right));
         self.scatter(x, halves);
     }
 

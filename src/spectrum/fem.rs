@@ -174,7 +174,8 @@ impl<'a> Search<'a> {
         let new = match goal {
             Goal::First => {
                 let values: Vec<f64> = found.values.iter().copied().chain(lambdas).collect();
-                cluster_end(&values, self.k.min(values.len()), self.area) - found.len().min(values.len())
+                cluster_end(&values, self.k.min(values.len()), self.area)
+                    - found.len().min(values.len())
             }
             Goal::Below(sigma) => lambdas.take_while(|&lambda| lambda < sigma).count(),
         };
@@ -189,7 +190,9 @@ impl<'a> Search<'a> {
             residual(j) / (0.5 * goal.max(self.floor))
         };
         let worst = if new < dimension {
-            (0..=new).map(excess).fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { b.max(a) })
+            (0..=new)
+                .map(excess)
+                .fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { b.max(a) })
         } else {
             f64::INFINITY
         };
@@ -284,13 +287,35 @@ fn dense(problem: &Problem<'_>) -> Eigenpairs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::TriMesh;
     use crate::mesh::sample::icosphere;
-    use crate::operators::{MassKind, Operators};
+    use crate::mesh::topology::component_labels;
+    use crate::operators::{Boundary, MassKind, Operators};
+    use crate::spectrum::pencil::{inner, product};
 
-    fn solve(levels: u32, kind: MassKind, count: usize) -> Eigenpairs {
-        let operators = Operators::assemble(&icosphere(levels), kind).unwrap();
-        let pencil = Pencil::from(&operators);
-        lowest(pencil, &Analysis::new(pencil).unwrap(), count).unwrap()
+    fn reference(mesh: &TriMesh, kind: MassKind, k: usize) -> Reference {
+        let operators = Operators::assemble(mesh, kind).unwrap();
+        let labels = component_labels(mesh);
+        let problem = Problem::new(&operators, Boundary::Neumann, &labels).unwrap();
+        lowest(&problem, &Analysis::new(problem.pencil()).unwrap(), k).unwrap()
+    }
+
+    fn solve(levels: u32, kind: MassKind, k: usize) -> Eigenpairs {
+        reference(&icosphere(levels), kind, k).pairs
+    }
+
+    /// Spheres of these radii, side by side.
+    fn spheres(levels: u32, radii: &[f64]) -> TriMesh {
+        let sphere = icosphere(levels);
+        let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+        for (copy, radius) in radii.iter().enumerate() {
+            let first = vertices.len() as u32;
+            let place =
+                |p: &[f64; 3]| [p[0] * radius + 9.0 * copy as f64, p[1] * radius, p[2] * radius];
+            vertices.extend(sphere.vertices().iter().map(place));
+            faces.extend(sphere.faces().iter().map(|face| face.map(|i| i + first)));
+        }
+        TriMesh::new(vertices, faces).unwrap()
     }
 
     #[test]
@@ -313,7 +338,7 @@ mod tests {
     fn vectors_are_orthonormal_and_solve_the_pencil() {
         let operators = Operators::assemble(&icosphere(3), MassKind::Consistent).unwrap();
         let pencil = Pencil::from(&operators);
-        let pairs = lowest(pencil, &Analysis::new(pencil).unwrap(), 25).unwrap();
+        let pairs = solve(3, MassKind::Consistent, 25);
         let gram = inner(&pairs.vectors, &product(pencil.mass, &pairs.vectors));
         assert!((&gram - Dense::identity(25, 25)).norm_max() < 1e-12);
         let lx = product(pencil.stiffness, &pairs.vectors);
@@ -332,5 +357,45 @@ mod tests {
         let pairs = solve(0, MassKind::Lumped, 12);
         let runs = super::super::cluster::clusters(&pairs.values, 1e-6, 1e-7);
         assert_eq!(runs.iter().map(ExactSizeIterator::len).collect::<Vec<_>>(), [1, 3, 5, 3]);
+    }
+
+    #[test]
+    fn k_inside_a_cluster_brings_the_rest_of_it() {
+        // Degrees 0 to 3 of the sphere are 16 pairs; K = 12 ends inside degree 3.
+        let found = reference(&icosphere(4), MassKind::Lumped, 12);
+        assert_eq!((found.pairs.len(), found.count), (16, Some(16)));
+        assert!(found.pairs.values[15] < found.sigma && found.sigma < 20.0);
+    }
+
+    #[test]
+    fn more_copies_of_an_eigenvalue_than_a_block_holds_are_all_found() {
+        // Twelve equal spheres: 0 twelve times, then 2 thirty-six times.
+        let found = reference(&spheres(2, &[1.0; 12]), MassKind::Lumped, 13);
+        assert_eq!((found.pairs.len(), found.count), (48, Some(48)));
+        assert_eq!(found.pairs.values[11], 0.0);
+        for value in &found.pairs.values[12..] {
+            assert!((value / found.pairs.values[12] - 1.0).abs() < 1e-10, "{value}");
+        }
+    }
+
+    #[test]
+    fn the_zeros_of_components_are_indicators_by_lowest_vertex() {
+        let pairs = reference(&spheres(2, &[1.0, 0.3, 2.0]), MassKind::Consistent, 3).pairs;
+        assert_eq!(pairs.values, [0.0; 3]);
+        for (copy, n) in [(0, 162), (1, 162), (2, 162)] {
+            let column = pairs.vectors.col(copy);
+            assert!(column[copy * n] > 0.0);
+            assert_eq!(column.iter().filter(|&&value| value != 0.0).count(), n);
+        }
+    }
+
+    #[test]
+    fn the_bytes_do_not_depend_on_the_number_of_threads() {
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pairs = pool.install(|| solve(4, MassKind::Consistent, 20));
+            (pairs.values, pairs.vectors)
+        };
+        assert_eq!(on(1), on(3));
     }
 }

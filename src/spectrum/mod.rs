@@ -58,10 +58,14 @@ pub enum SpectrumError {
     )]
     NotConverged { iterations: usize, excess: f64 },
     /// Dirichlet conditions on a closed surface.
-    #[error("the mesh has no boundary, so there is nothing to hold to zero; use the Neumann condition")]
+    #[error(
+        "the mesh has no boundary, so there is nothing to hold to zero; use the Neumann condition"
+    )]
     NoBoundary,
     /// Dirichlet conditions where every vertex lies on the boundary.
-    #[error("all {vertices} vertices lie on the boundary, so that Dirichlet conditions leave nothing; refine the mesh")]
+    #[error(
+        "all {vertices} vertices lie on the boundary, so that Dirichlet conditions leave nothing; refine the mesh"
+    )]
     NoInterior { vertices: usize },
     /// There was no memory for the factor.
     #[error("there is not enough memory to factorise a matrix with {n} rows")]

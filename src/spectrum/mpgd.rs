@@ -236,8 +236,10 @@ impl<'a> Constraint<'a> {
 mod tests {
     use super::*;
     use crate::mesh::sample::icosphere;
+    use crate::mesh::topology::component_labels;
+    use crate::operators::Boundary;
     use crate::operators::{MassKind, Operators};
-    use crate::spectrum::{factor::Analysis, fem};
+    use crate::spectrum::{Problem, factor::Analysis, fem};
 
     #[test]
     fn agrees_with_the_reference_and_finds_whole_eigenspaces() {
@@ -245,7 +247,9 @@ mod tests {
             let operators = Operators::assemble(&icosphere(2), kind).unwrap();
             let pencil = Pencil::from(&operators);
             let analysis = Analysis::new(pencil).unwrap();
-            let reference = fem::lowest(pencil, &analysis, 9).unwrap();
+            let labels = component_labels(&icosphere(2));
+            let problem = Problem::new(&operators, Boundary::Neumann, &labels).unwrap();
+            let reference = fem::lowest(&problem, &analysis, 9).unwrap().pairs;
             let factor = analysis.positive(0.1).unwrap();
             let steps =
                 [Direction::Gradient, Direction::Preconditioned(&factor)].map(|direction| {

@@ -144,10 +144,7 @@ pub(super) fn strip<S: Simd, const P: usize>(row: &[f64; P], strip: usize) -> S:
 
 /// Register number `strip` of a row of P values, to be written.
 #[inline(always)]
-pub(super) fn strip_mut<S: Simd, const P: usize>(
-    row: &mut [f64; P],
-    strip: usize,
-) -> &mut S::f64s {
+pub(super) fn strip_mut<S: Simd, const P: usize>(row: &mut [f64; P], strip: usize) -> &mut S::f64s {
     &mut S::as_mut_simd_f64s(row).0[strip]
 }
 
@@ -270,10 +267,8 @@ mod tests {
     #[test]
     fn the_bits_do_not_depend_on_the_number_of_threads() {
         let n = 3 * CHUNK + 5;
-        let (v, w) = (
-            vec![Panel::from_columns(&wave(n, 0.3), 0)],
-            Panel::from_columns(&wave(n, 0.9), 0),
-        );
+        let (v, w) =
+            (vec![Panel::from_columns(&wave(n, 0.3), 0)], Panel::from_columns(&wave(n, 0.9), 0));
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| coefficients(&v, &w))

@@ -93,9 +93,7 @@ impl<'a> Problem<'a> {
     pub fn restrict(&self, x: &Dense) -> Dense {
         match &self.free {
             None => x.clone(),
-            Some(free) => {
-                Dense::from_fn(free.len(), x.ncols(), |i, j| x[(free[i] as usize, j)])
-            }
+            Some(free) => Dense::from_fn(free.len(), x.ncols(), |i, j| x[(free[i] as usize, j)]),
         }
     }
 

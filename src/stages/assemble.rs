@@ -41,11 +41,7 @@ impl Assembled {
 pub fn assemble(context: &Context, item: usize, mut loaded: Loaded) -> Result<Assembled, Failure> {
     let own = operators_of(context, item, &loaded.ingested.mesh)?;
     loaded.spent("assemble", own.how, own.spent);
-    Ok(Assembled {
-        loaded,
-        operators: Arc::new(own.artifact.into()),
-        operators_digest: own.digest,
-    })
+    Ok(Assembled { loaded, operators: Arc::new(own.artifact.into()), operators_digest: own.digest })
 }
 
 /// The operators of a mesh or of a variant of it.

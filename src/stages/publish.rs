@@ -6,8 +6,8 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::Failure;
-use super::context::Context;
 use super::candidates::Origin;
+use super::context::Context;
 use super::train::TrainedBlock;
 use super::verify::Verified;
 use crate::flow::events::How;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::Failure;
 use super::artifacts::FamilyArtifact;
-use super::context::{Context, Work};
 use super::assemble::Assembled;
+use super::context::{Context, Work};
 use crate::flow::Panicked;
 use crate::remesh::{Family, FamilyRecipe};
 use crate::store::Digest;

@@ -37,11 +37,7 @@ pub struct Verified {
 ///
 /// # Errors
 /// When a factorisation breaks down or the run is interrupted.
-pub fn verify(
-    context: &Context,
-    item: usize,
-    candidates: Candidates,
-) -> Result<Verified, Failure> {
+pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<Verified, Failure> {
     let started = Instant::now();
     let Candidates { mut assembled, vectors, digest, origin } = candidates;
     let (references, digests) = references(context, item, &assembled, &origin)?;
@@ -112,7 +108,6 @@ fn in_order(
             order[run.start..end].sort_by(|&a, &b| quotients[a].total_cmp(&quotients[b]));
         }
     }
-    let sorted =
-        Dense::from_fn(candidates.nrows(), order.len(), |i, j| candidates[(i, order[j])]);
+    let sorted = Dense::from_fn(candidates.nrows(), order.len(), |i, j| candidates[(i, order[j])]);
     (sorted, order)
 }

@@ -146,7 +146,10 @@ mod tests {
     use super::super::finite_differences::{ReadGradients, check, values};
     use super::*;
     use crate::mesh::sample::icosphere;
+    use crate::operators::Boundary;
     use crate::operators::{MassKind, Operators};
+    use crate::spectrum::factor::Analysis;
+    use crate::spectrum::{Problem, fem};
 
     type Traced = Vector<f64, OwnedTape<f64, Cpu>>;
 
@@ -179,9 +182,10 @@ mod tests {
     #[test]
     fn an_exact_eigenfunction_has_no_residual() {
         let operators = Operators::assemble(&icosphere(1), MassKind::Lumped).unwrap();
-        let pencil = crate::spectrum::Pencil::from(&operators);
-        let analysis = crate::spectrum::factor::Analysis::new(pencil).unwrap();
-        let pairs = crate::spectrum::fem::lowest(pencil, &analysis, 3).unwrap();
+        let labels = vec![0; operators.n()];
+        let problem = Problem::new(&operators, Boundary::Neumann, &labels).unwrap();
+        let analysis = Analysis::new(problem.pencil()).unwrap();
+        let pairs = fem::lowest(&problem, &analysis, 3).unwrap().pairs;
         let (l, b) = (Arc::new(operators.stiffness.clone()), Arc::new(operators.mass.clone()));
         let dev = Cpu::default();
         let z = dev.tensor_from_vec(column(&pairs.vectors, 2).to_vec(), (operators.n(),));

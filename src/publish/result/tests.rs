@@ -56,6 +56,13 @@ pub fn spectrum() -> Spectrum {
             complete: false,
             cut_cluster: true,
         },
+        quality: TriangleQuality {
+            min_angle_degrees: 31.5,
+            negative_weights: 2,
+            non_delaunay_edges: 1,
+            mollification: None,
+            flips: None,
+        },
         repairs: RepairCounts { welded_vertices: 4, ..RepairCounts::default() },
         provenance: Provenance {
             chladni: "0.1.0".to_owned(),
