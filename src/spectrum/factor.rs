@@ -17,7 +17,7 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Par, Side};
 
 use super::panel::{Panel, WIDTH};
-use super::triangular::{self, COLUMNS, Row};
+use super::triangular::{COLUMNS, Packed, Row};
 use super::{Dense, Pencil, SpectrumError};
 
 /// Which neighbouring supernodes become one: up to so many columns, with less than this share of stored zeros. Wide
@@ -32,10 +32,10 @@ pub struct Analysis<'a> {
     symbolic: SymbolicCholesky<usize>,
 }
 
-/// L − σB = R D Rᵀ: solves with several right-hand sides, and the inertia.
+/// L − σB = R D Rᵀ, ready for solves with several right-hand sides.
 pub struct Factor<'s> {
     analysis: &'s Analysis<'s>,
-    values: Vec<f64>,
+    packed: Packed,
 }
 
 impl<'a> Analysis<'a> {
@@ -75,6 +75,33 @@ impl<'a> Analysis<'a> {
     /// # Errors
     /// [`SpectrumError::Breakdown`] when a pivot is zero or not a number, [`SpectrumError::OutOfMemory`].
     pub fn factor(&self, sigma: f64) -> Result<Factor<'_>, SpectrumError> {
+        let values = self.factorise(sigma)?;
+        Ok(Factor { analysis: self, packed: Packed::new(self.supernodes(), &values) })
+    }
+
+    /// R D Rᵀ of L + μB, μ > 0, which is positive definite.
+    ///
+    /// # Errors
+    /// Those of [`Self::factor`]; [`SpectrumError::Breakdown`] also when a pivot is negative.
+    pub fn positive(&self, mu: f64) -> Result<Factor<'_>, SpectrumError> {
+        let values = self.factorise(-mu)?;
+        match self.diagonal(&values).position(|d| d.is_nan() || d <= 0.0) {
+            None => Ok(Factor { analysis: self, packed: Packed::new(self.supernodes(), &values) }),
+            Some(pivot) => Err(SpectrumError::Breakdown { sigma: -mu, pivot }),
+        }
+    }
+
+    /// The number of negative entries of D: of eigenvalues below σ.
+    ///
+    /// # Errors
+    /// Those of [`Self::factor`].
+    pub fn negative_pivots(&self, sigma: f64) -> Result<usize, SpectrumError> {
+        let values = self.factorise(sigma)?;
+        Ok(self.diagonal(&values).filter(|&d| d < 0.0).count())
+    }
+
+    /// The values of all supernodes.
+    fn factorise(&self, sigma: f64) -> Result<Vec<f64>, SpectrumError> {
         let matrix = self.lower.shifted(self.pencil, sigma);
         let out_of_memory = || SpectrumError::OutOfMemory { n: self.pencil.n() };
         let mut values = Vec::new();
@@ -97,20 +124,17 @@ impl<'a> Analysis<'a> {
                 sigma,
                 pivot: index,
             })?;
-        Ok(Factor { analysis: self, values })
+        Ok(values)
     }
 
-    /// R D Rᵀ of L + μB, μ > 0, which is positive definite.
-    ///
-    /// # Errors
-    /// Those of [`Self::factor`]; [`SpectrumError::Breakdown`] also when a pivot is negative.
-    pub fn positive(&self, mu: f64) -> Result<Factor<'_>, SpectrumError> {
-        let factor = self.factor(-mu)?;
-        let first_bad = factor.diagonal().position(|d| d.is_nan() || d <= 0.0);
-        match first_bad {
-            None => Ok(factor),
-            Some(pivot) => Err(SpectrumError::Breakdown { sigma: -mu, pivot }),
-        }
+    /// D, in elimination order.
+    fn diagonal<'v>(&'v self, values: &'v [f64]) -> impl Iterator<Item = f64> + 'v {
+        let symbolic = self.supernodes();
+        let factor = SupernodalLdltRef::new(symbolic, values);
+        (0..symbolic.n_supernodes()).flat_map(move |s| {
+            let block = factor.supernode(s).val();
+            (0..block.ncols()).map(move |j| block[(j, j)])
+        })
     }
 
     fn supernodes(&self) -> &SymbolicSupernodalCholesky<usize> {
@@ -141,11 +165,6 @@ impl Halves {
 }
 
 impl Factor<'_> {
-    /// The number of negative entries of D: of eigenvalues below σ.
-    pub fn negative_pivots(&self) -> usize {
-        self.diagonal().filter(|&d| d < 0.0).count()
-    }
-
     /// X ← (L − σB)⁻¹ X, whatever the number of columns.
     pub fn solve_in_place(&self, x: &mut Dense) {
         let mut halves = Halves::new(x.nrows());
@@ -174,7 +193,7 @@ impl Factor<'_> {
         for (to, &from) in half.iter_mut().zip(self.analysis.order()) {
             to.copy_from_slice(&rows[from][first..first + COLUMNS]);
         }
-        triangular::solve(self.analysis.supernodes(), &self.values, half);
+        self.packed.solve(half);
     }
 
     fn scatter(&self, x: &mut Panel, halves: &Halves) {
@@ -184,16 +203,6 @@ impl Factor<'_> {
             rows[to][..COLUMNS].copy_from_slice(left);
             rows[to][COLUMNS..].copy_from_slice(right);
         }
-    }
-
-    /// D, in elimination order.
-    fn diagonal(&self) -> impl Iterator<Item = f64> + '_ {
-        let symbolic = self.analysis.supernodes();
-        let factor = SupernodalLdltRef::new(symbolic, &self.values);
-        (0..symbolic.n_supernodes()).flat_map(move |s| {
-            let block = factor.supernode(s).val();
-            (0..block.ncols()).map(move |j| block[(j, j)])
-        })
     }
 }
 
@@ -271,7 +280,8 @@ mod tests {
                     factor.solve_in_place(&mut y);
                     assert!((&y - &x).norm_max() < 1e-11);
                     // Below 4 the sphere has 0 and three times 2.
-                    assert_eq!(factor.negative_pivots(), if sigma > 0.0 { 4 } else { 0 });
+                    let below = analysis.negative_pivots(sigma).unwrap();
+                    assert_eq!(below, if sigma > 0.0 { 4 } else { 0 });
                 }
             }
         }

@@ -14,8 +14,8 @@ const ROBUSTNESS: f64 = 1e-6;
 /// # Errors
 /// [`SpectrumError::OutOfMemory`].
 pub fn count_below(analysis: &Analysis<'_>, sigma: f64) -> Result<Option<usize>, SpectrumError> {
-    let count = |sigma: f64| match analysis.factor(sigma) {
-        Ok(factor) => Ok(Some(factor.negative_pivots())),
+    let count = |sigma: f64| match analysis.negative_pivots(sigma) {
+        Ok(count) => Ok(Some(count)),
         Err(SpectrumError::Breakdown { .. }) => Ok(None),
         Err(error) => Err(error),
     };

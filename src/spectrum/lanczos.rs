@@ -5,12 +5,14 @@
 //! product one of tall thin matrices. The basis is kept orthogonal to all of itself and to eigenvectors that are
 //! known already.
 
+use std::ops::Range;
+
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::Dense;
 use super::factor::{Factor, Halves};
-use super::panel::{Panel, Row, Square, WIDTH, apply, coefficients, combine, subtract};
+use super::panel::{Panel, Row, Square, WIDTH, apply, coefficients, combine, subtract, transform};
 use super::rayleigh_ritz::symmetric_eigen;
 use crate::operators::Sparse;
 
@@ -19,6 +21,14 @@ const BREAKDOWN: f64 = 1e-10;
 
 /// A direction shorter than this has lost digits of its orthogonality, and is orthogonalised again.
 const SHORT: f64 = 1e-3;
+
+/// New panels are orthogonalised against the whole basis twice in so many times, one right after the other; in between
+/// the three-term recurrence keeps them orthogonal but for rounding, which it amplifies from step to step …
+const PERIOD: usize = 4;
+
+/// … and when more than this is lost in between, every time. T is as exact as rounding allows while the square of the
+/// loss is rounding (Simon 1984).
+const SEMI_ORTHOGONAL: f64 = 1e-9;
 
 /// Vectors are orthonormal when their Gram matrix is this close to I.
 const ORTHONORMAL: f64 = 1e-13;
@@ -34,6 +44,8 @@ pub struct Krylov<'a> {
     diagonal: Vec<Square>,
     /// The operator takes the last panel of T to `basis.last()` times the last of these, and to what T says.
     coupling: Vec<Square>,
+    /// Too much was lost by not orthogonalising against the whole basis every time.
+    every_time: bool,
     rng: ChaCha8Rng,
     halves: Halves,
     product: Panel,
@@ -60,6 +72,7 @@ impl<'a> Krylov<'a> {
             basis: Vec::new(),
             diagonal: Vec::new(),
             coupling: Vec::new(),
+            every_time: false,
             rng: ChaCha8Rng::seed_from_u64(seed),
             halves: Halves::new(n),
             product: Panel::zeros(n),
@@ -85,8 +98,10 @@ impl<'a> Krylov<'a> {
         let size = longest(&coefficients(std::slice::from_ref(&w), &self.product)[0]);
         let near = newest.saturating_sub(1)..newest + 1;
         let local = coefficients(&self.basis[near.clone()], &self.product);
-        subtract(&mut w, &self.basis[near], &local);
-        let global = self.project(&mut w);
+        subtract(&mut w, &self.basis[near.clone()], &local);
+        let all = self.every_time || newest % PERIOD >= PERIOD - 2;
+        let against = if all { 0..newest + 1 } else { near };
+        let global = self.project(&mut w, against);
         let mut diagonal = [[0.0; WIDTH]; WIDTH];
         if let (Some(first), Some(second)) = (local.last(), global.last()) {
             for i in 0..WIDTH {
@@ -102,13 +117,18 @@ impl<'a> Krylov<'a> {
         self.coupling.push(coupling);
     }
 
-    /// W ← W − VVᵀBW for the basis and for what is known. Returns the coefficients of the basis.
-    fn project(&mut self, w: &mut Panel) -> Vec<Square> {
+    /// W ← W − VVᵀBW for what is known and for these panels of the basis. Returns the coefficients of the latter.
+    fn project(&mut self, w: &mut Panel, against: Range<usize>) -> Vec<Square> {
         apply(self.mass, w, &mut self.product);
+        let length = longest(&coefficients(std::slice::from_ref(w), &self.product)[0]);
+        let basis = coefficients(&self.basis[against.clone()], &self.product);
         let known = coefficients(&self.known, &self.product);
-        let basis = coefficients(&self.basis, &self.product);
+        subtract(w, &self.basis[against], &basis);
         subtract(w, &self.known, &known);
-        subtract(w, &self.basis, &basis);
+        // What was lost of orthogonality since the last time.
+        let far = basis.iter().rev().skip(2).flat_map(|c| c.as_flattened());
+        let loss = far.fold(0.0_f64, |worst, c| worst.max(c.abs()));
+        self.every_time |= loss > SEMI_ORTHOGONAL * length;
         basis
     }
 
@@ -125,12 +145,12 @@ impl<'a> Krylov<'a> {
             let size = if pass == 0 { size } else { 1.0 };
             let floor = if pass == 0 { BREAKDOWN } else { SHORT } * size;
             let whitening = Whitening::of(&gram, floor);
-            w = combine(std::slice::from_ref(&w), &whitening.forward);
+            transform(&mut w, &whitening.forward);
             r = times(&whitening.backward, &r);
             if whitening.missing.contains(&true) {
                 self.replace(&mut w, whitening.missing);
             } else if whitening.shortest < SHORT * size {
-                self.project(&mut w);
+                self.project(&mut w, 0..self.basis.len());
             }
         }
         (w, r)
@@ -143,15 +163,16 @@ impl<'a> Krylov<'a> {
                 *value = self.rng.random_range(-1.0..1.0);
             }
         }
-        self.project(w);
-        self.project(w);
+        for _ in 0..2 {
+            self.project(w, 0..self.basis.len());
+        }
         apply(self.mass, w, &mut self.product);
         let gram = coefficients(std::slice::from_ref(w), &self.product)[0];
         let mut scale = [[0.0; WIDTH]; WIDTH];
         for i in 0..WIDTH {
             scale[i][i] = if gram[i][i] > 0.0 { gram[i][i].sqrt().recip() } else { 0.0 };
         }
-        *w = combine(std::slice::from_ref(w), &scale);
+        transform(w, &scale);
     }
 
     /// The eigenpairs of T, with residuals from the coupling to the panel that comes next.

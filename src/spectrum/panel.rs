@@ -113,6 +113,11 @@ pub fn subtract(w: &mut Panel, v: &[Panel], c: &[Square]) {
     });
 }
 
+/// W ← W C.
+pub fn transform(w: &mut Panel, c: &Square) {
+    w.rows.par_chunks_mut(CHUNK).for_each(|w| widest(Transform { w, c }));
+}
+
 /// V C, for C as many rows of eight as V has columns.
 pub fn combine(v: &[Panel], c: &[Row]) -> Panel {
     let n = v.first().map_or(0, |panel| panel.rows.len());
@@ -223,6 +228,30 @@ impl WithSimd for Update<'_> {
                     sum = simd.mul_add_e_f64s(simd.splat_f64s(v[a]), c[a], sum);
                 }
                 *w = sum;
+            }
+        }
+    }
+}
+
+struct Transform<'a> {
+    w: &'a mut [Row],
+    c: &'a Square,
+}
+
+impl WithSimd for Transform<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for w in self.w {
+            let row = *w;
+            for k in 0..WIDTH / S::F64_LANES {
+                let mut sum = simd.splat_f64s(0.0);
+                for a in 0..WIDTH {
+                    let c = strip::<S, WIDTH>(&self.c[a], k);
+                    sum = simd.mul_add_e_f64s(simd.splat_f64s(row[a]), c, sum);
+                }
+                *strip_mut::<S, WIDTH>(w, k) = sum;
             }
         }
     }
