@@ -4,7 +4,7 @@
 //! conjugate gradients for eight residuals at a time, where the form −rᵀx decreases to its limit from the first step.
 
 use super::Pencil;
-use super::factor::{Factor, Halves};
+use super::factor::Factor;
 use super::panel::{Panel, Row, WIDTH, apply};
 
 /// Conjugate gradients stop when the next step would change the square of the norm by less than this.
@@ -37,7 +37,7 @@ pub fn inverse_mass_norms(pencil: Pencil<'_>, r: &Panel) -> Row {
 pub fn energy_norms(pencil: Pencil<'_>, factor: &Factor<'_>, thetas: Row, r: &Panel) -> Row {
     let n = pencil.n();
     let mut bx = Panel::zeros(n);
-    let mut halves = Halves::new(n);
+    let mut workspace = factor.workspace();
     let shifted = |x: &Panel, y: &mut Panel| {
         apply(pencil.stiffness, x, y);
         apply(pencil.mass, x, &mut bx);
@@ -47,7 +47,7 @@ pub fn energy_norms(pencil: Pencil<'_>, factor: &Factor<'_>, thetas: Row, r: &Pa
             }
         }
     };
-    inverse_squares(shifted, |x| factor.solve_panel(x, &mut halves), r).map(f64::sqrt)
+    inverse_squares(shifted, |x| factor.solve_panel(x, &mut workspace), r).map(f64::sqrt)
 }
 
 /// rᵀA⁻¹r for every column.

@@ -17,7 +17,7 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Par, Side};
 
 use super::panel::{Panel, WIDTH};
-use super::triangular::{COLUMNS, Packed, Row};
+use super::triangular::{Packed, Plan, Workspace};
 use super::{Dense, Pencil, SpectrumError};
 
 /// Which neighbouring supernodes become one: up to so many columns, with less than this share of stored zeros. Wide
@@ -30,6 +30,7 @@ pub struct Analysis<'a> {
     pencil: Pencil<'a>,
     lower: Lower,
     symbolic: SymbolicCholesky<usize>,
+    plan: Plan,
 }
 
 /// L − σB = R D Rᵀ, ready for solves with several right-hand sides.
@@ -57,7 +58,9 @@ impl<'a> Analysis<'a> {
             parameters,
         )
         .map_err(|_| SpectrumError::OutOfMemory { n: pencil.n() })?;
-        Ok(Self { pencil, lower, symbolic })
+        let order = symbolic.perm().expect("AMD always gives an order").arrays().0;
+        let plan = Plan::new(supernodes(&symbolic), order);
+        Ok(Self { pencil, lower, symbolic, plan })
     }
 
     /// The pencil.
@@ -76,7 +79,7 @@ impl<'a> Analysis<'a> {
     /// [`SpectrumError::Breakdown`] when a pivot is zero or not a number, [`SpectrumError::OutOfMemory`].
     pub fn factor(&self, sigma: f64) -> Result<Factor<'_>, SpectrumError> {
         let values = self.factorise(sigma)?;
-        Ok(Factor { analysis: self, packed: Packed::new(self.supernodes(), &values) })
+        Ok(self.packed(&values))
     }
 
     /// R D Rᵀ of L + μB, μ > 0, which is positive definite.
@@ -86,7 +89,7 @@ impl<'a> Analysis<'a> {
     pub fn positive(&self, mu: f64) -> Result<Factor<'_>, SpectrumError> {
         let values = self.factorise(-mu)?;
         match self.diagonal(&values).position(|d| d.is_nan() || d <= 0.0) {
-            None => Ok(Factor { analysis: self, packed: Packed::new(self.supernodes(), &values) }),
+            None => Ok(self.packed(&values)),
             Some(pivot) => Err(SpectrumError::Breakdown { sigma: -mu, pivot }),
         }
     }
@@ -137,71 +140,40 @@ impl<'a> Analysis<'a> {
         })
     }
 
-    fn supernodes(&self) -> &SymbolicSupernodalCholesky<usize> {
-        match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
-            SymbolicCholeskyRaw::Simplicial(_) => {
-                unreachable!("a supernodal analysis was asked for")
-            }
-        }
+    fn packed(&self, values: &[f64]) -> Factor<'_> {
+        Factor { analysis: self, packed: self.plan.pack(self.supernodes(), values) }
     }
 
-    /// Row i of the elimination order is row `order()[i]` of the pencil.
-    fn order(&self) -> &[usize] {
-        let order = self.symbolic.perm().expect("AMD always gives an order");
-        order.arrays().0
+    fn supernodes(&self) -> &SymbolicSupernodalCholesky<usize> {
+        supernodes(&self.symbolic)
     }
 }
 
-/// The two halves of a panel in elimination order, each for one thread.
-#[derive(Debug, Clone)]
-pub struct Halves([Vec<Row>; 2]);
-
-impl Halves {
-    /// For a pencil of n rows.
-    pub fn new(n: usize) -> Self {
-        Self([vec![[0.0; COLUMNS]; n], vec![[0.0; COLUMNS]; n]])
+fn supernodes(symbolic: &SymbolicCholesky<usize>) -> &SymbolicSupernodalCholesky<usize> {
+    match symbolic.raw() {
+        SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
+        SymbolicCholeskyRaw::Simplicial(_) => unreachable!("a supernodal analysis was asked for"),
     }
 }
 
 impl Factor<'_> {
+    /// Room for [`Self::solve_panel`].
+    pub fn workspace(&self) -> Workspace {
+        self.analysis.plan.workspace()
+    }
+
+    /// X ← (L − σB)⁻¹ X for the eight columns of a panel.
+    pub fn solve_panel(&self, x: &mut Panel, workspace: &mut Workspace) {
+        self.analysis.plan.solve(&self.packed, x, workspace);
+    }
+
     /// X ← (L − σB)⁻¹ X, whatever the number of columns.
     pub fn solve_in_place(&self, x: &mut Dense) {
-        let mut halves = Halves::new(x.nrows());
+        let mut workspace = self.workspace();
         for first in (0..x.ncols()).step_by(WIDTH) {
             let mut panel = Panel::from_columns(x, first);
-            if x.ncols() - first <= COLUMNS {
-                self.solve_half(panel.rows(), 0, &mut halves.0[0]);
-                self.scatter(&mut panel, &halves);
-            } else {
-                self.solve_panel(&mut panel, &mut halves);
-            }
+            self.solve_panel(&mut panel, &mut workspace);
             panel.write_columns(x, first);
-        }
-    }
-
-    /// X ← (L − σB)⁻¹ X for the eight columns of a panel, four on each of two threads.
-    pub fn solve_panel(&self, x: &mut Panel, halves: &mut Halves) {
-        let [left, right] = &mut halves.0;
-        let rows = x.rows();
-        rayon::join(|| self.solve_half(rows, 0, left), || self.solve_half(rows, COLUMNS, right));
-        self.scatter(x, halves);
-    }
-
-    /// Solves for columns `first..first + 4` of a panel, into elimination order.
-    fn solve_half(&self, rows: &[super::panel::Row], first: usize, half: &mut [Row]) {
-        for (to, &from) in half.iter_mut().zip(self.analysis.order()) {
-            to.copy_from_slice(&rows[from][first..first + COLUMNS]);
-        }
-        self.packed.solve(half);
-    }
-
-    fn scatter(&self, x: &mut Panel, halves: &Halves) {
-        let rows = x.rows_mut();
-        let [left, right] = &halves.0;
-        for ((left, right), &to) in left.iter().zip(right).zip(self.analysis.order()) {
-            rows[to][..COLUMNS].copy_from_slice(left);
-            rows[to][COLUMNS..].copy_from_slice(right);
         }
     }
 }

@@ -11,7 +11,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::Dense;
-use super::factor::{Factor, Halves};
+use super::factor::Factor;
+use super::triangular::Workspace;
 use super::panel::{Panel, Row, Square, WIDTH, apply, coefficients, combine, subtract, transform};
 use super::rayleigh_ritz::symmetric_eigen;
 use crate::operators::Sparse;
@@ -47,7 +48,7 @@ pub struct Krylov<'a> {
     /// Too much was lost by not orthogonalising against the whole basis every time.
     every_time: bool,
     rng: ChaCha8Rng,
-    halves: Halves,
+    workspace: Workspace,
     product: Panel,
 }
 
@@ -74,7 +75,7 @@ impl<'a> Krylov<'a> {
             coupling: Vec::new(),
             every_time: false,
             rng: ChaCha8Rng::seed_from_u64(seed),
-            halves: Halves::new(n),
+            workspace: factor.workspace(),
             product: Panel::zeros(n),
         };
         let (first, _) = krylov.orthonormalise(Panel::zeros(n), 1.0);
@@ -92,7 +93,7 @@ impl<'a> Krylov<'a> {
         let newest = self.basis.len() - 1;
         let mut w = Panel::zeros(self.mass.rows());
         apply(self.mass, &self.basis[newest], &mut w);
-        self.factor.solve_panel(&mut w, &mut self.halves);
+        self.factor.solve_panel(&mut w, &mut self.workspace);
         // What the three-term recurrence removes first; the rest of the basis sees rounding only.
         apply(self.mass, &w, &mut self.product);
         let size = longest(&coefficients(std::slice::from_ref(&w), &self.product)[0]);

@@ -1,111 +1,268 @@
-//! Solves with a supernodal factor A = R D Rᵀ for several right-hand sides at a time.
+//! Solves with a supernodal factor A = R D Rᵀ for the eight right-hand sides of a panel.
 //!
 //! R is unit lower triangular. A supernode is a run of columns with one pattern below its diagonal block. It is cut into
 //! tiles of up to eight columns, whose part of a solution stays in registers while the rows below stream by; a tile's
 //! values are stored by rows, one tile after the other, so that a solve reads them from one end to the other and back.
-//! On the factors of surfaces, whose supernodes are narrow, that is several times faster than a dense product for each
-//! supernode.
+//!
+//! The elimination tree is cut into a top and a few parts of about equal work, which share no rows but those of the top:
+//! each part has its own copy of these, and is worked on by one thread. The cut depends on the pattern alone and sums are
+//! taken in the order of the parts, so that the bits of a solution do not depend on the number of threads.
 
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
-use pulp::{Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 
-use super::panel::{strip, strip_mut};
+use super::panel::{Panel, Row, WIDTH, strip, strip_mut};
 
-/// Right-hand sides that are solved for at a time: a row of them fits the registers that nearly every machine has.
-pub const COLUMNS: usize = 4;
+/// Parts of the elimination tree that are worked on at the same time.
+const PARTS: usize = 4;
 
-/// The values of the right-hand sides in one row.
-pub type Row = [f64; COLUMNS];
+/// Subtrees are cut while one is larger than this share of all work.
+const SHARE: f64 = 1.0 / 16.0;
 
-/// R and D⁻¹, packed for solves.
-pub struct Packed {
+/// How a pattern is solved with: valid for all factors that have it.
+pub struct Plan {
+    parts: Vec<Part>,
+    top: Part,
+}
+
+/// Some subtrees of the elimination tree, or its top.
+#[derive(Default)]
+struct Part {
+    supernodes: Vec<usize>,
     tiles: Vec<Tile>,
-    /// The rows below the diagonal blocks of all supernodes.
+    /// The rows below the diagonal blocks, as indices into the part's own rows and then those of the top.
     below: Vec<u32>,
-    /// For every tile its triangle, width × width by rows with D⁻¹ on the diagonal, and then its rows below that.
-    values: Vec<f64>,
+    /// The rows of the matrix that are the part's own.
+    rows: Vec<u32>,
 }
 
 /// Up to eight columns of a supernode.
 #[derive(Clone, Copy)]
 struct Tile {
-    /// The first column.
+    /// The first column, among the part's own rows.
     column: u32,
     /// The number of columns: 1, 2, 4 or 8.
     width: u32,
     /// The rows of the diagonal block below the tile: they follow its columns.
     inside: u32,
-    /// The rows below the diagonal block, as a range of `Packed::below`.
+    /// The rows below the diagonal block, as a range of `Part::below`.
     below: [u32; 2],
     /// Where its values begin.
     values: usize,
 }
 
-impl Packed {
-    /// Packs the values that faer leaves in supernodes, each (columns + rows below) × columns, by columns.
-    pub fn new(symbolic: &SymbolicSupernodalCholesky<usize>, values: &[f64]) -> Self {
-        let mut packed =
-            Self { tiles: Vec::new(), below: Vec::new(), values: Vec::with_capacity(values.len()) };
-        for s in 0..symbolic.n_supernodes() {
-            let (start, end) = (symbolic.supernode_begin()[s], symbolic.supernode_end()[s]);
-            let at = symbolic.col_ptr_for_val();
-            let first_below = packed.below.len() as u32;
-            packed.below.extend(symbolic.supernode(s).pattern().iter().map(|&row| row as u32));
-            let below = [first_below, packed.below.len() as u32];
-            packed.supernode(start, end - start, below, &values[at[s]..at[s + 1]]);
+/// The values of a factor: for every tile its triangle, width × width by rows with D⁻¹ on the diagonal, and then its
+/// rows below that. One list a part, the top's last.
+pub struct Packed(Vec<Vec<f64>>);
+
+/// What a solve writes on the way: the rows of every part, followed by its copy of those of the top.
+#[derive(Debug, Clone)]
+pub struct Workspace(Vec<Vec<Row>>);
+
+impl Plan {
+    /// Cuts the elimination tree. `order` has the row of the matrix for every row of the factor.
+    pub fn new(symbolic: &SymbolicSupernodalCholesky<usize>, order: &[usize]) -> Self {
+        let (parts, top) = cut(symbolic);
+        // For every row of the factor its place among the top's rows, or among its part's.
+        let mut place = vec![0_u32; symbolic.nrows()];
+        let mut in_top = vec![false; symbolic.nrows()];
+        let part = |supernodes: &[usize], place: &mut [u32]| {
+            let mut part = Part { supernodes: supernodes.to_vec(), ..Part::default() };
+            for &s in supernodes {
+                for column in columns(symbolic, s) {
+                    place[column] = part.rows.len() as u32;
+                    part.rows.push(order[column] as u32);
+                }
+            }
+            part
+        };
+        let mut top = part(&top, &mut place);
+        for &s in &top.supernodes {
+            in_top[columns(symbolic, s)].fill(true);
         }
-        packed.values.shrink_to_fit();
+        top.tile(symbolic, |row| place[row]);
+        let parts = parts.into_iter().map(|supernodes| {
+            let mut part = part(&supernodes, &mut place);
+            let own = part.rows.len() as u32;
+            part.tile(symbolic, |row| if in_top[row] { own + place[row] } else { place[row] });
+            part
+        });
+        Self { parts: parts.collect(), top }
+    }
+
+    /// Packs the values that faer leaves in supernodes, each (columns + rows below) × columns, by columns.
+    pub fn pack(&self, symbolic: &SymbolicSupernodalCholesky<usize>, values: &[f64]) -> Packed {
+        let parts: Vec<&Part> = self.parts.iter().chain([&self.top]).collect();
+        Packed(parts.par_iter().map(|part| part.pack(symbolic, values)).collect())
+    }
+
+    /// Room for solves.
+    pub fn workspace(&self) -> Workspace {
+        let top = self.top.rows.len();
+        let rooms = self.parts.iter().map(|part| vec![[0.0; WIDTH]; part.rows.len() + top]);
+        Workspace(rooms.chain([vec![[0.0; WIDTH]; top]]).collect())
+    }
+
+    /// X ← (R D Rᵀ)⁻¹ X.
+    pub fn solve(&self, packed: &Packed, x: &mut Panel, workspace: &mut Workspace) {
+        let rows = x.rows();
+        let (top_values, values) = packed.0.split_last().expect("the top is always there");
+        let (top, rooms) = workspace.0.split_last_mut().expect("the top is always there");
+        rooms.par_iter_mut().zip(&self.parts).zip(values).for_each(|((room, part), values)| {
+            let (own, copy) = room.split_at_mut(part.rows.len());
+            own.iter_mut().zip(&part.rows).for_each(|(to, &from)| *to = rows[from as usize]);
+            copy.fill([0.0; WIDTH]);
+            part.run(values, room, Direction::Forward);
+        });
+        for (i, (sum, &from)) in top.iter_mut().zip(&self.top.rows).enumerate() {
+            *sum = rows[from as usize];
+            for (room, part) in rooms.iter().zip(&self.parts) {
+                let copy = &room[part.rows.len() + i];
+                (0..WIDTH).for_each(|j| sum[j] += copy[j]);
+            }
+        }
+        self.top.run(top_values, top, Direction::Forward);
+        self.top.run(top_values, top, Direction::Backward);
+        rooms.par_iter_mut().zip(&self.parts).zip(values).for_each(|((room, part), values)| {
+            room[part.rows.len()..].copy_from_slice(top);
+            part.run(values, room, Direction::Backward);
+        });
+        let rows = x.rows_mut();
+        let all = self.parts.iter().zip(rooms).chain([(&self.top, top)]);
+        for (part, room) in all {
+            part.rows.iter().zip(&*room).for_each(|(&to, from)| rows[to as usize] = *from);
+        }
+    }
+}
+
+/// The columns of a supernode.
+fn columns(symbolic: &SymbolicSupernodalCholesky<usize>, s: usize) -> std::ops::Range<usize> {
+    symbolic.supernode_begin()[s]..symbolic.supernode_end()[s]
+}
+
+/// The supernodes of every part and those of the top, each ascending.
+fn cut(symbolic: &SymbolicSupernodalCholesky<usize>) -> (Vec<Vec<usize>>, Vec<usize>) {
+    let count = symbolic.n_supernodes();
+    let mut of_column = vec![0_u32; symbolic.nrows()];
+    (0..count).for_each(|s| of_column[columns(symbolic, s)].fill(s as u32));
+    let parent = |s: usize| symbolic.supernode(s).pattern().first().map(|&row| of_column[row]);
+    // Parents come after their children: one pass sums up the subtrees.
+    let at = symbolic.col_ptr_for_val();
+    let mut work: Vec<usize> = (0..count).map(|s| at[s + 1] - at[s]).collect();
+    let mut children = vec![Vec::new(); count];
+    let mut subtrees = Vec::new();
+    for s in 0..count {
+        match parent(s) {
+            Some(parent) => {
+                work[parent as usize] += work[s];
+                children[parent as usize].push(s);
+            }
+            None => subtrees.push(s),
+        }
+    }
+    let total: usize = subtrees.iter().map(|&s| work[s]).sum();
+    let heaviest = |subtrees: &[usize]| (0..subtrees.len()).max_by_key(|&i| (work[subtrees[i]], i));
+    let mut top = Vec::new();
+    while let Some(i) = heaviest(&subtrees) {
+        if work[subtrees[i]] as f64 <= SHARE * total as f64 {
+            break;
+        }
+        let s = subtrees.swap_remove(i);
+        top.push(s);
+        subtrees.extend(&children[s]);
+    }
+    top.sort_unstable();
+    // Each to the part with the least so far, the heaviest first.
+    subtrees.sort_by_key(|&s| (std::cmp::Reverse(work[s]), s));
+    let mut parts = vec![(0, Vec::new()); PARTS];
+    for root in subtrees {
+        let (load, supernodes) =
+            parts.iter_mut().min_by_key(|(load, _)| *load).expect("there are parts");
+        *load += work[root];
+        let mut open = vec![root];
+        while let Some(s) = open.pop() {
+            supernodes.push(s);
+            open.extend(&children[s]);
+        }
+    }
+    let sorted = |(_, mut supernodes): (usize, Vec<usize>)| {
+        supernodes.sort_unstable();
+        supernodes
+    };
+    (parts.into_iter().map(sorted).collect(), top)
+}
+
+impl Part {
+    /// Cuts the supernodes into tiles; `local` has the part's index for a row of the factor.
+    fn tile(
+        &mut self,
+        symbolic: &SymbolicSupernodalCholesky<usize>,
+        local: impl Fn(usize) -> u32,
+    ) {
+        let (mut column, mut values) = (0, 0);
+        for &s in &self.supernodes {
+            let pattern = symbolic.supernode(s).pattern();
+            let first_below = self.below.len() as u32;
+            self.below.extend(pattern.iter().map(|&row| local(row)));
+            let below = [first_below, self.below.len() as u32];
+            let mut left = columns(symbolic, s).len();
+            while left > 0 {
+                let width = [8, 4, 2, 1].into_iter().find(|&width| width <= left).unwrap_or(1);
+                let inside = (left - width) as u32;
+                self.tiles.push(Tile { column, width: width as u32, inside, below, values });
+                values += width * (left + pattern.len());
+                column += width as u32;
+                left -= width;
+            }
+        }
+    }
+
+    fn pack(&self, symbolic: &SymbolicSupernodalCholesky<usize>, values: &[f64]) -> Vec<f64> {
+        let at = symbolic.col_ptr_for_val();
+        let mut packed = Vec::with_capacity(self.tiles.last().map_or(0, |tile| {
+            let [first, last] = tile.below;
+            tile.values + (tile.width * (tile.width + tile.inside + last - first)) as usize
+        }));
+        let mut tiles = self.tiles.iter();
+        for &s in &self.supernodes {
+            let values = &values[at[s]..at[s + 1]];
+            let count = columns(symbolic, s).len();
+            let height = values.len() / count;
+            let mut first = 0;
+            while first < count {
+                let width = tiles.next().map_or(count, |tile| tile.width as usize);
+                for row in first..height {
+                    for column in first..first + width {
+                        let value = values[column * height + row];
+                        packed.push(if row == column { value.recip() } else { value });
+                    }
+                }
+                first += width;
+            }
+        }
         packed
     }
 
-    fn supernode(&mut self, start: usize, columns: usize, below: [u32; 2], values: &[f64]) {
-        let height = values.len() / columns;
-        let mut first = 0;
-        while first < columns {
-            let left = columns - first;
-            let width = [8, 4, 2, 1].into_iter().find(|&width| width <= left).unwrap_or(1);
-            self.tiles.push(Tile {
-                column: (start + first) as u32,
-                width: width as u32,
-                inside: (left - width) as u32,
-                below,
-                values: self.values.len(),
-            });
-            for row in first..height {
-                for column in first..first + width {
-                    let value = values[column * height + row];
-                    self.values.push(if row == column { value.recip() } else { value });
-                }
-            }
-            first += width;
-        }
-    }
-
-    /// X ← (R D Rᵀ)⁻¹ X, in elimination order.
-    pub fn solve(&self, x: &mut [Row]) {
-        let solve = Solve { packed: self, x };
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = pulp::x86::V3::try_new() {
-            return Simd::vectorize(simd, solve);
-        }
-        solve.with_simd(pulp::Scalar);
+    fn run(&self, values: &[f64], x: &mut [Row], direction: Direction) {
+        Arch::new().dispatch(Sweep { part: self, values, x, direction });
     }
 
     /// The values of a tile: its triangle, the rows inside the diagonal block, and those below it.
     #[inline(always)]
-    fn parts<const T: usize>(&self, tile: &Tile) -> Parts<'_, T> {
+    fn view<'a, const T: usize>(&'a self, tile: &Tile, values: &'a [f64]) -> View<'a, T> {
         let [first, last] = tile.below.map(|at| at as usize);
         let below = &self.below[first..last];
         let rows = T + tile.inside as usize + below.len();
-        let values = self.values[tile.values..tile.values + rows * T].as_chunks::<T>().0;
+        let values = values[tile.values..tile.values + rows * T].as_chunks::<T>().0;
         let (triangle, values) = values.split_at(T);
         let (inside, outside) = values.split_at(tile.inside as usize);
-        Parts { triangle, inside, outside, below }
+        View { triangle, inside, outside, below }
     }
 }
 
 /// A tile of T columns.
-struct Parts<'a, const T: usize> {
+struct View<'a, const T: usize> {
     triangle: &'a [[f64; T]],
     inside: &'a [[f64; T]],
     outside: &'a [[f64; T]],
@@ -113,32 +270,45 @@ struct Parts<'a, const T: usize> {
     below: &'a [u32],
 }
 
-struct Solve<'a> {
-    packed: &'a Packed,
-    x: &'a mut [Row],
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Direction {
+    /// R⁻¹.
+    Forward,
+    /// R⁻ᵀ D⁻¹.
+    Backward,
 }
 
-impl WithSimd for Solve<'_> {
+struct Sweep<'a> {
+    part: &'a Part,
+    values: &'a [f64],
+    x: &'a mut [Row],
+    direction: Direction,
+}
+
+impl WithSimd for Sweep<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { packed, x } = self;
-        for k in 0..COLUMNS / S::F64_LANES {
-            for tile in &packed.tiles {
-                match tile.width {
-                    8 => forward::<S, 8>(simd, packed, tile, x, k),
-                    4 => forward::<S, 4>(simd, packed, tile, x, k),
-                    2 => forward::<S, 2>(simd, packed, tile, x, k),
-                    _ => forward::<S, 1>(simd, packed, tile, x, k),
+        let Self { part, values, x, direction } = self;
+        for k in 0..WIDTH / S::F64_LANES {
+            if direction == Direction::Forward {
+                for tile in &part.tiles {
+                    match tile.width {
+                        8 => forward::<S, 8>(simd, part.view(tile, values), tile, x, k),
+                        4 => forward::<S, 4>(simd, part.view(tile, values), tile, x, k),
+                        2 => forward::<S, 2>(simd, part.view(tile, values), tile, x, k),
+                        _ => forward::<S, 1>(simd, part.view(tile, values), tile, x, k),
+                    }
                 }
-            }
-            for tile in packed.tiles.iter().rev() {
-                match tile.width {
-                    8 => backward::<S, 8>(simd, packed, tile, x, k),
-                    4 => backward::<S, 4>(simd, packed, tile, x, k),
-                    2 => backward::<S, 2>(simd, packed, tile, x, k),
-                    _ => backward::<S, 1>(simd, packed, tile, x, k),
+            } else {
+                for tile in part.tiles.iter().rev() {
+                    match tile.width {
+                        8 => backward::<S, 8>(simd, part.view(tile, values), tile, x, k),
+                        4 => backward::<S, 4>(simd, part.view(tile, values), tile, x, k),
+                        2 => backward::<S, 2>(simd, part.view(tile, values), tile, x, k),
+                        _ => backward::<S, 1>(simd, part.view(tile, values), tile, x, k),
+                    }
                 }
             }
         }
@@ -149,27 +319,26 @@ impl WithSimd for Solve<'_> {
 #[inline(always)]
 fn forward<S: Simd, const T: usize>(
     simd: S,
-    packed: &Packed,
+    view: View<'_, T>,
     tile: &Tile,
     x: &mut [Row],
     k: usize,
 ) {
-    let parts = packed.parts::<T>(tile);
     let (own, after) = x[tile.column as usize..].split_at_mut(T);
     let mut solved = [simd.splat_f64s(0.0); T];
     for t in 0..T {
-        let mut sum = strip::<S, COLUMNS>(&own[t], k);
+        let mut sum = strip::<S, WIDTH>(&own[t], k);
         for u in 0..t {
-            sum = simd.mul_add_e_f64s(simd.splat_f64s(parts.triangle[t][u]), solved[u], sum);
+            sum = simd.mul_add_e_f64s(simd.splat_f64s(view.triangle[t][u]), solved[u], sum);
         }
-        *strip_mut::<S, COLUMNS>(&mut own[t], k) = sum;
+        *strip_mut::<S, WIDTH>(&mut own[t], k) = sum;
         solved[t] = simd.neg_f64s(sum);
     }
-    for (row, values) in after.iter_mut().zip(parts.inside) {
-        update::<S, T>(simd, strip_mut::<S, COLUMNS>(row, k), values, &solved);
+    for (row, values) in after.iter_mut().zip(view.inside) {
+        update::<S, T>(simd, strip_mut::<S, WIDTH>(row, k), values, &solved);
     }
-    for (&row, values) in parts.below.iter().zip(parts.outside) {
-        update::<S, T>(simd, strip_mut::<S, COLUMNS>(&mut x[row as usize], k), values, &solved);
+    for (&row, values) in view.below.iter().zip(view.outside) {
+        update::<S, T>(simd, strip_mut::<S, WIDTH>(&mut x[row as usize], k), values, &solved);
     }
 }
 
@@ -192,33 +361,32 @@ fn update<S: Simd, const T: usize>(
 #[inline(always)]
 fn backward<S: Simd, const T: usize>(
     simd: S,
-    packed: &Packed,
+    view: View<'_, T>,
     tile: &Tile,
     x: &mut [Row],
     k: usize,
 ) {
-    let parts = packed.parts::<T>(tile);
     let mut sums = [simd.splat_f64s(0.0); T];
-    for (&row, values) in parts.below.iter().zip(parts.outside) {
-        let row = strip::<S, COLUMNS>(&x[row as usize], k);
+    for (&row, values) in view.below.iter().zip(view.outside) {
+        let row = strip::<S, WIDTH>(&x[row as usize], k);
         for t in 0..T {
             sums[t] = simd.mul_add_e_f64s(simd.splat_f64s(values[t]), row, sums[t]);
         }
     }
     let (own, after) = x[tile.column as usize..].split_at_mut(T);
-    for (row, values) in after.iter().zip(parts.inside) {
-        let row = strip::<S, COLUMNS>(row, k);
+    for (row, values) in after.iter().zip(view.inside) {
+        let row = strip::<S, WIDTH>(row, k);
         for t in 0..T {
             sums[t] = simd.mul_add_e_f64s(simd.splat_f64s(values[t]), row, sums[t]);
         }
     }
     for t in (0..T).rev() {
-        let row = strip_mut::<S, COLUMNS>(&mut own[t], k);
-        let inverse = simd.splat_f64s(parts.triangle[t][t]);
+        let row = strip_mut::<S, WIDTH>(&mut own[t], k);
+        let inverse = simd.splat_f64s(view.triangle[t][t]);
         let value = simd.sub_f64s(simd.mul_f64s(*row, inverse), sums[t]);
         *row = value;
         for u in 0..t {
-            sums[u] = simd.mul_add_e_f64s(simd.splat_f64s(parts.triangle[t][u]), value, sums[u]);
+            sums[u] = simd.mul_add_e_f64s(simd.splat_f64s(view.triangle[t][u]), value, sums[u]);
         }
     }
 }
