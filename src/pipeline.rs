@@ -52,7 +52,7 @@ pub struct FeatureOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Train {
-    /// `lep-dpinn`: blocks are trained, and predict; `fem`: the reference solver alone.
+    /// `lep-dpinn`: blocks are trained, and predict; `fem`: the reference solver alone; `mpgd`: the paper's Algorithm 1.
     pub method: Method,
     /// K: eigenpairs, the constant included.
     pub k: usize,
@@ -89,6 +89,8 @@ pub enum Method {
     LepDpinn,
     /// Finite elements and an eigensolver, without any training.
     Fem,
+    /// M-PGD, without any training.
+    Mpgd,
 }
 
 impl Default for Train {
@@ -278,7 +280,11 @@ impl Pipeline {
         Ok(pipeline)
     }
 
-    fn check(&self) -> Result<(), PipelineError> {
+    /// Whether the values can work, alone and together.
+    ///
+    /// # Errors
+    /// [`PipelineError::Value`].
+    pub fn check(&self) -> Result<(), PipelineError> {
         self.check_operators()?;
         let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
         for (key, value) in [
@@ -348,7 +354,7 @@ impl Pipeline {
                 rule,
             });
         }
-        if self.train.method == Method::Fem {
+        if self.train.method != Method::LepDpinn {
             return Ok(());
         }
         if boundary == Boundary::Dirichlet {

@@ -2,13 +2,14 @@
 //!
 //! - [`exit`]: the exit codes, which are part of the contract
 //! - [`logging`]: what goes to stderr
-//! - `run`, `info`, `cache`: the commands
+//! - `run`, `solve`, `info`, `cache`: the commands
 
 mod cache;
 pub mod exit;
 mod info;
 mod logging;
 mod run;
+mod solve;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,6 +30,8 @@ struct Cli {
 enum Command {
     /// Run a pipeline: train, predict and verify the eigenpairs of its meshes
     Run(run::Arguments),
+    /// Solve for the eigenpairs of one mesh, and certify them
+    Solve(solve::Arguments),
     /// Say what ingest sees of a mesh: counts, topology, defects, hash
     Info(info::Arguments),
     /// Look after the cache
@@ -59,6 +62,7 @@ pub fn main() -> ExitCode {
     logging::start();
     let exit = match cli.command {
         Command::Run(arguments) => run::execute(arguments),
+        Command::Solve(arguments) => solve::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
         Command::Cache(command) => cache::execute(&command),
     };

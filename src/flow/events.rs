@@ -43,6 +43,14 @@ pub trait EventSink: Send + Sync {
     fn record(&self, event: &Event);
 }
 
+/// Nobody listens.
+#[derive(Debug, Clone, Copy)]
+pub struct Unheard;
+
+impl EventSink for Unheard {
+    fn record(&self, _event: &Event) {}
+}
+
 /// Appends events to a file, one JSON object a line, each in one write.
 #[derive(Debug)]
 pub struct EventFile {

@@ -6,7 +6,7 @@
 //! |--------------|---------|-------|----------------------------------------------------------------|
 //! | `evals`      | float64 | (K,)  | λ by k, 1/(input unit)²; ascending inside every cluster         |
 //! | `evecs`      | float64 | (n,K) | φ, one a column, φᵀBφ = 1, C order                             |
-//! | `mass`       | float64 | (n,)  | the row sums of B: vertex areas, squared input units           |
+//! | `mass`       | float64 | (n,)  | the row sums of B: vertex areas, or degrees for `degree`       |
 //! | `mass_kind`  | str     | ()    | which B: `lumped`, `voronoi`, `consistent` or `degree`         |
 //! | `vertices`   | float64 | (n,3) | positions, input units                                         |
 //! | `faces`      | int64   | (m,3) | triangles, zero-based                                          |

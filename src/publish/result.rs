@@ -113,7 +113,7 @@ pub struct Eigenpair {
     /// θ, the Rayleigh quotient of φ, in 1/(input unit)².
     #[serde(deserialize_with = "null_is_nan")]
     pub lambda: f64,
-    /// λ times the surface area, which has no unit.
+    /// λ times the surface area, which has no unit; null for the graph Laplacian.
     #[serde(deserialize_with = "null_is_nan")]
     pub lambda_area: f64,
     /// Where φ comes from.

@@ -8,7 +8,7 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, LineStyle, Table};
 
 use super::report::{MeshReport, PairReport, RunReport, Status};
-use super::result::Completeness;
+use super::result::{Completeness, Source};
 use crate::spectrum::mpgd::StoppedBy;
 
 /// Digits of a hash that the table shows.
@@ -17,23 +17,83 @@ const SHORT_HASH: usize = 12;
 /// An eigenvalue below this multiple of the largest one shown is zero to working precision.
 const ZERO: f64 = 1e-9;
 
-const COLUMNS: [(&str, CellAlignment); 9] = [
-    ("k", CellAlignment::Right),
-    ("λ", CellAlignment::Right),
-    ("λ M-PGD", CellAlignment::Right),
-    ("λ FEM", CellAlignment::Right),
-    ("angle", CellAlignment::Right),
-    ("ρ", CellAlignment::Right),
-    ("verdict", CellAlignment::Left),
-    ("source", CellAlignment::Left),
-    ("s", CellAlignment::Right),
-];
+/// A column: its title, how it is aligned, and its text for a pair.
+struct Column {
+    title: &'static str,
+    alignment: CellAlignment,
+    text: fn(&PairReport, &Scale) -> String,
+}
+
+/// What numbers of a table are shown relative to.
+struct Scale {
+    /// The largest λ.
+    largest: f64,
+    /// Some M-PGD values carry a mark.
+    marks: bool,
+}
+
+impl Scale {
+    fn lambda(&self, value: f64) -> String {
+        if self.is_zero(value) { "0".into() } else { six_digits(value) }
+    }
+
+    fn is_zero(&self, lambda: f64) -> bool {
+        lambda.abs() < ZERO * self.largest
+    }
+
+    /// The digits of a column stay below one another when some of its numbers carry a mark.
+    fn marked(&self, report: &PairReport) -> String {
+        let unmarked = if self.marks { " " } else { "" };
+        let mark = if mpgd_fell_short(report) { "*" } else { unmarked };
+        self.lambda(report.pair.lambda_mpgd) + mark
+    }
+}
+
+const fn column(
+    title: &'static str,
+    alignment: CellAlignment,
+    text: fn(&PairReport, &Scale) -> String,
+) -> Column {
+    Column { title, alignment, text }
+}
+
+const K: Column = column("k", CellAlignment::Right, |report, _| report.pair.k.to_string());
+const LAMBDA: Column =
+    column("λ", CellAlignment::Right, |report, scale| scale.lambda(report.pair.lambda));
+const LAMBDA_MPGD: Column =
+    column("λ M-PGD", CellAlignment::Right, |report, scale| scale.marked(report));
+const LAMBDA_FEM: Column =
+    column("λ FEM", CellAlignment::Right, |report, scale| scale.lambda(report.pair.lambda_fem));
+const LAMBDA_AREA: Column = column("λ · area", CellAlignment::Right, |report, scale| {
+    let zero = scale.is_zero(report.pair.lambda);
+    measured(report.pair.lambda_area, |value| if zero { "0".into() } else { six_digits(value) })
+});
+const ANGLE: Column =
+    column("angle", CellAlignment::Right, |report, _| two_digits(report.pair.angle_fem));
+const RESIDUAL: Column =
+    column("residual", CellAlignment::Right, |report, _| two_digits(report.pair.residual));
+const RHO: Column = column("ρ", CellAlignment::Right, |report, _| two_digits(report.pair.rho));
+const VERDICT: Column =
+    column("verdict", CellAlignment::Left, |report, _| report.pair.verdict.name().to_owned());
+const SOURCE: Column = column("source", CellAlignment::Left, |report, _| {
+    if report.cached { "reused" } else { report.pair.source.name() }.to_owned()
+});
+const SECONDS: Column = column("s", CellAlignment::Right, |report, _| {
+    measured(report.seconds, |seconds| format!("{seconds:.2}"))
+});
+
+/// What is shown of learned pairs, and of M-PGD's: how far they are from the references.
+const COMPARED: [Column; 9] =
+    [K, LAMBDA, LAMBDA_MPGD, LAMBDA_FEM, ANGLE, RHO, VERDICT, SOURCE, SECONDS];
+
+/// What is shown of the reference solver's pairs: what proves them.
+const SOLVED: [Column; 6] = [K, LAMBDA, LAMBDA_AREA, RESIDUAL, VERDICT, SOURCE];
 
 /// The text of a run.
 pub fn run_table(report: &RunReport) -> String {
     let mut text = String::new();
     for mesh in &report.meshes {
-        text.push_str(&block(mesh));
+        text.push_str(&mesh_table(mesh));
         text.push('\n');
     }
     text.push_str(&summary(report));
@@ -42,7 +102,7 @@ pub fn run_table(report: &RunReport) -> String {
 }
 
 /// One mesh, each line ended.
-fn block(mesh: &MeshReport) -> String {
+pub fn mesh_table(mesh: &MeshReport) -> String {
     let mut lines = vec![title(mesh)];
     if mesh.status == Status::Failed {
         let reason = mesh.reason.as_deref().unwrap_or("no reason is known");
@@ -59,12 +119,11 @@ fn block(mesh: &MeshReport) -> String {
         lines.extend(
             mesh.reason.as_deref().map(|reason| format!("unverified: {}", printable(reason))),
         );
-        lines.push(format!(
-            "{} trained, {} reused; {}",
-            mesh.trained,
-            mesh.reused,
-            duration(mesh.seconds)
-        ));
+        let blocks = match (mesh.trained, mesh.reused) {
+            (0, 0) => String::new(),
+            (trained, reused) => format!("{trained} trained, {reused} reused; "),
+        };
+        lines.push(blocks + &duration(mesh.seconds));
     }
     lines.iter().map(|line| format!("{line}\n")).collect()
 }
@@ -84,32 +143,21 @@ fn title(mesh: &MeshReport) -> String {
 }
 
 fn pairs(pairs: &[PairReport]) -> String {
+    let solved = pairs.iter().any(|report| report.pair.source == Source::Fem);
+    let columns: &[Column] = if solved { &SOLVED } else { &COMPARED };
+    let scale = Scale {
+        largest: pairs.iter().fold(0.0_f64, |m, report| m.max(report.pair.lambda.abs())),
+        marks: pairs.iter().any(mpgd_fell_short),
+    };
     let mut table = Table::new();
     table.load_style(NOTHING.header_separator(LineStyle::none().fill('─').junction('─')));
-    table.set_header(COLUMNS.map(|(name, _)| name));
-    let largest = pairs.iter().fold(0.0_f64, |m, report| m.max(report.pair.lambda.abs()));
-    let lambda =
-        |value: f64| if value.abs() < ZERO * largest { "0".into() } else { six_digits(value) };
-    // The digits of a column stay below one another when some of its numbers carry a mark.
-    let unmarked = if pairs.iter().any(mpgd_fell_short) { " " } else { "" };
+    table.set_header(columns.iter().map(|column| column.title));
     for report in pairs {
-        let pair = &report.pair;
-        let mark = if mpgd_fell_short(report) { "*" } else { unmarked };
-        table.add_row([
-            pair.k.to_string(),
-            lambda(pair.lambda),
-            lambda(pair.lambda_mpgd) + mark,
-            lambda(pair.lambda_fem),
-            two_digits(pair.angle_fem),
-            two_digits(pair.rho),
-            pair.verdict.name().to_owned(),
-            if report.cached { "reused" } else { pair.source.name() }.to_owned(),
-            measured(report.seconds, |seconds| format!("{seconds:.2}")),
-        ]);
+        table.add_row(columns.iter().map(|column| (column.text)(report, &scale)));
     }
-    for (column, (_, alignment)) in table.column_iter_mut().zip(COLUMNS) {
-        column.set_cell_alignment(alignment);
-        column.set_padding((0, 1));
+    for (shown, column) in table.column_iter_mut().zip(columns) {
+        shown.set_cell_alignment(column.alignment);
+        shown.set_padding((0, 1));
     }
     table.trim_fmt()
 }

@@ -12,9 +12,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Dense;
 use super::factor::Factor;
-use super::triangular::Workspace;
 use super::panel::{Panel, Row, Square, WIDTH, apply, coefficients, combine, subtract, transform};
 use super::rayleigh_ritz::symmetric_eigen;
+use super::triangular::Workspace;
 use crate::operators::Sparse;
 
 /// A direction shorter than this, relative to the vectors it comes from, is rounding: it is replaced by a random one.

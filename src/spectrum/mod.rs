@@ -43,7 +43,9 @@ pub type Dense = faer::Mat<f64>;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SpectrumError {
     /// More pairs were asked for than the mesh has vertices.
-    #[error("{asked} eigenpairs were asked for, but the mesh has only {n} vertices; lower train.k")]
+    #[error(
+        "{asked} eigenpairs were asked for, but the problem has only {n} free vertices; ask for fewer (train.k, or -k)"
+    )]
     TooMany { asked: usize, n: usize },
     /// The factorisation met a pivot that is zero or not a number: a sliver's cotangent has swamped the rest.
     #[error(

@@ -195,11 +195,7 @@ fn cut(symbolic: &SymbolicSupernodalCholesky<usize>) -> (Vec<Vec<usize>>, Vec<us
 
 impl Part {
     /// Cuts the supernodes into tiles; `local` has the part's index for a row of the factor.
-    fn tile(
-        &mut self,
-        symbolic: &SymbolicSupernodalCholesky<usize>,
-        local: impl Fn(usize) -> u32,
-    ) {
+    fn tile(&mut self, symbolic: &SymbolicSupernodalCholesky<usize>, local: impl Fn(usize) -> u32) {
         let (mut column, mut values) = (0, 0);
         for &s in &self.supernodes {
             let pattern = symbolic.supernode(s).pattern();

@@ -5,13 +5,15 @@ use std::time::Instant;
 use super::Failure;
 use super::artifacts::PredictionArtifact;
 use super::assemble::Assembled;
-use super::context::{Context, Work, canonical};
+use super::context::{Context, Recalled, Work, canonical};
 use super::family::network_input;
 use super::reference;
 use super::train::{InTraining, TrainedBlock};
 use crate::flow::events::How;
 use crate::ggnn::predict::predict_all;
+use crate::pipeline::Method;
 use crate::spectrum::Dense;
+use crate::spectrum::certificate::SecondOpinion;
 use crate::spectrum::fem::Reference;
 use crate::store::Digest;
 
@@ -42,6 +44,13 @@ pub enum Origin {
     Fem {
         /// Its pairs and its count.
         reference: Box<Reference>,
+        /// Solved in this run or reused.
+        how: How,
+    },
+    /// M-PGD.
+    Mpgd {
+        /// Its pairs and how it went.
+        opinion: Box<SecondOpinion>,
         /// Solved in this run or reused.
         how: How,
     },
@@ -96,12 +105,24 @@ pub fn solve(
     item: usize,
     mut assembled: Assembled,
 ) -> Result<Candidates, Failure> {
-    let recalled = reference::fem(context, item, &assembled)?;
-    assembled.loaded.spent("solve", recalled.how, recalled.spent);
-    let (how, digest) = (recalled.how, recalled.digest);
-    let reference = Reference::from(recalled.artifact);
-    let vectors = reference.pairs.vectors.subcols(0, context.pipeline.train.k).to_owned();
+    let k = context.pipeline.train.k;
+    let (vectors, digest, how, spent, origin) = match context.pipeline.train.method {
+        Method::Mpgd => {
+            let Recalled { artifact, digest, how, spent } =
+                reference::mpgd(context, item, &assembled, k)?;
+            let opinion = Box::new(SecondOpinion::from(artifact));
+            let vectors = opinion.pairs.vectors.clone();
+            (vectors, digest, how, spent, Origin::Mpgd { opinion, how })
+        }
+        Method::Fem | Method::LepDpinn => {
+            let Recalled { artifact, digest, how, spent } =
+                reference::fem(context, item, &assembled)?;
+            let reference = Box::new(Reference::from(artifact));
+            let vectors = reference.pairs.vectors.subcols(0, k).to_owned();
+            (vectors, digest, how, spent, Origin::Fem { reference, how })
+        }
+    };
+    assembled.loaded.spent("solve", how, spent);
     let vectors = assembled.problem(context.pipeline.operators.boundary)?.extend(vectors);
-    let reference = Box::new(reference);
-    Ok(Candidates { assembled, vectors, digest, origin: Origin::Fem { reference, how } })
+    Ok(Candidates { assembled, vectors, digest, origin })
 }

@@ -16,7 +16,9 @@ pub enum Failure {
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// More eigenpairs than the mesh can have.
-    #[error("the mesh has {n} vertices, too few for train.k = {k} eigenpairs; lower train.k")]
+    #[error(
+        "the mesh has {n} vertices, too few for {k} eigenpairs; ask for fewer (train.k, or -k)"
+    )]
     TooSmall { n: usize, k: usize },
     /// More eigenpairs than a member of the family can have.
     #[error(

@@ -11,6 +11,8 @@ use super::context::Context;
 use super::train::TrainedBlock;
 use super::verify::Verified;
 use crate::flow::events::How;
+use crate::mesh::Area;
+use crate::operators::Laplacian;
 use crate::operators::mass::row_sums;
 use crate::pipeline::Pipeline;
 use crate::publish::PublishError;
@@ -60,6 +62,17 @@ pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Fail
     Ok(MeshReport::finished(loaded.job.name, folder, &spectrum, reason, &record))
 }
 
+/// The report of a mesh whose results are not written.
+pub fn unwritten(spectrum: &Spectrum, verified: Verified) -> MeshReport {
+    let Verified { assembled, origin, order, judgement, .. } = verified;
+    let record = record(assembled.loaded.stages, &origin, &order);
+    let reason = (!judgement.is_verified()).then(|| judgement.reason());
+    MeshReport {
+        out: None,
+        ..MeshReport::finished(assembled.loaded.job.name, String::new(), spectrum, reason, &record)
+    }
+}
+
 /// The file whose presence says that the results beside it are whole and current.
 const SPECTRUM: &str = "spectrum.json";
 
@@ -74,10 +87,15 @@ pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishErro
     if earlier.is_some() && earlier.as_deref() != current { remove(&path) } else { Ok(()) }
 }
 
-fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
+/// The document of a verified mesh.
+pub fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
     let assembled = &verified.assembled;
     let certificate = &verified.certificate;
-    let area = assembled.loaded.ingested.mesh.area();
+    // The graph Laplacian's eigenvalues have no unit that an area could cancel.
+    let area = match pipeline.operators.laplacian {
+        Laplacian::Graph => Area(f64::NAN),
+        Laplacian::Cotangent | Laplacian::Fem => assembled.loaded.ingested.mesh.area(),
+    };
     let verdict = |fine: bool| if fine { Verdict::Verified } else { Verdict::Unverified };
     let judged = certificate.pairs.iter().zip(&verified.judgement.pairs);
     let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {
@@ -116,6 +134,8 @@ fn source(origin: &Origin, j: usize) -> Source {
         Origin::Learned { .. } => Source::Trained,
         Origin::Fem { reference, .. } if reference.pairs.values[j] == 0.0 => Source::Constant,
         Origin::Fem { .. } => Source::Fem,
+        Origin::Mpgd { opinion, .. } if opinion.pairs.values[j] == 0.0 => Source::Constant,
+        Origin::Mpgd { .. } => Source::Mpgd,
     }
 }
 
@@ -131,7 +151,7 @@ fn record(stages: Vec<StageRecord>, origin: &Origin, order: &[usize]) -> RunReco
             blocks.iter().map(pair).collect()
         }
         // All pairs are the work of one stage.
-        Origin::Fem { how, .. } => {
+        Origin::Fem { how, .. } | Origin::Mpgd { how, .. } => {
             let cached = *how == How::Reused;
             (1..=order.len()).map(|k| PairRecord { k, cached, seconds: f64::NAN }).collect()
         }
@@ -142,7 +162,7 @@ fn record(stages: Vec<StageRecord>, origin: &Origin, order: &[usize]) -> RunReco
             let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
             (blocks.len() - reused, reused)
         }
-        Origin::Fem { .. } => (0, 0),
+        Origin::Fem { .. } | Origin::Mpgd { .. } => (0, 0),
     };
     let seconds = stages.iter().map(|stage| stage.seconds).sum();
     RunRecord { schema: RunRecordSchema::V1, seconds, pairs, trained, reused, stages }

@@ -113,7 +113,7 @@ fn chain(
         .then(move |_, job| ingest::ingest(&ingesting, job))
         .then(move |item, loaded| assemble::assemble(&assembling, item, loaded));
     let candidates = match context.pipeline.train.method {
-        Method::Fem => {
+        Method::Fem | Method::Mpgd => {
             let solving = c();
             assembled.then(move |item, assembled| candidates::solve(&solving, item, assembled))
         }

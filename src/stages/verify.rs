@@ -48,7 +48,7 @@ pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<
             let order = (0..vectors.ncols()).collect();
             (vectors, order, Standard::Residuals)
         }
-        Origin::Learned { .. } => {
+        Origin::Mpgd { .. } | Origin::Learned { .. } => {
             let (vectors, order) = in_order(&problem, &vectors, &references);
             (vectors, order, Standard::References)
         }
@@ -84,6 +84,9 @@ fn references(
     let fem = reference::fem(context, item, assembled)?;
     let mut digests = vec![("reference", fem.digest)];
     let fem = Reference::from(fem.artifact);
+    if let Origin::Mpgd { opinion, .. } = origin {
+        return Ok((References { fem, mpgd: Some((**opinion).clone()) }, digests));
+    }
     let mpgd = reference::mpgd(context, item, assembled, fem.pairs.len())?;
     digests.push(("second opinion", mpgd.digest));
     Ok((References { fem, mpgd: Some(mpgd.artifact.into()) }, digests))

@@ -132,7 +132,7 @@ fn an_interrupted_mpgd_is_marked_and_a_value_it_never_reached_is_not() {
         Some(MpgdRun { iterations: 3, stopped_by: StoppedBy::Cancelled });
     mesh.eigenpairs[2].pair.mpgd = None;
     mesh.eigenpairs[2].pair.lambda_mpgd = f64::NAN;
-    let text = block(&mesh);
+    let text = mesh_table(&mesh);
     assert!(text.contains(" 2.03247* "), "{text}");
     assert!(text.contains(" – ") && !text.contains("–*"), "{text}");
 }
