@@ -2,19 +2,9 @@
 
 mod common;
 
-use std::process::{Command, Output};
-
 use chladni::mesh::{TriMesh, sample::icosphere};
 use chladni::publish::report::Status;
-use common::{QUICK, Workspace, obj, text};
-
-fn chladni(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_chladni"))
-        .args(arguments)
-        .env_remove("RUST_LOG")
-        .output()
-        .unwrap()
-}
+use common::{QUICK, Workspace, chladni, obj, text};
 
 #[test]
 fn exit_0_and_a_table_when_all_is_well() {

@@ -103,3 +103,12 @@ pub fn text(output: &Output) -> String {
         String::from_utf8_lossy(&output.stderr)
     )
 }
+
+/// The real binary with these arguments.
+pub fn chladni(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_chladni"))
+        .args(arguments)
+        .env_remove("RUST_LOG")
+        .output()
+        .unwrap()
+}
