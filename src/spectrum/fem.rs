@@ -68,7 +68,7 @@ pub fn lowest(
     if k > n {
         return Err(SpectrumError::TooMany { asked: k, n });
     }
-    if n <= DENSE || n <= 3 * k {
+    if n <= DENSE || n <= 4 * k {
         let all = dense(problem);
         let end = cluster_end(&all.values, k, area);
         let sigma = above(&all.values, end, area);
