@@ -28,7 +28,10 @@ fn main() -> Outcome {
         ["matrices", mesh, folder] => matrices(&self::mesh(mesh)?, folder.as_ref()),
         ["solve", mesh, k] => solve(&self::mesh(mesh)?, k.parse()?),
         // Run by `cargo bench` without arguments: nothing to compare with.
-        _ => Ok(println!("usage: solver matrices MESH FOLDER | solver solve MESH K; see eigsh.py")),
+        _ => {
+            println!("usage: solver matrices MESH FOLDER | solver solve MESH K; see eigsh.py");
+            Ok(())
+        }
     }
 }
 

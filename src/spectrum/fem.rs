@@ -33,6 +33,9 @@ const SHIFT: f64 = 1.0;
 /// Up to so many rows the pencil is solved densely.
 const DENSE: usize = 400;
 
+/// Up to so many it may be, when the Krylov space would be the whole space: three matrices of 130 MB.
+const LARGEST_DENSE: usize = 4000;
+
 /// The eigenvalue above the gap is only needed to see the gap: so exactly, relative to itself.
 const GLANCE: f64 = 1e-3;
 
@@ -68,17 +71,19 @@ pub fn lowest(
     if k > n {
         return Err(SpectrumError::TooMany { asked: k, n });
     }
-    if n <= DENSE || n <= 4 * k {
-        let all = dense(problem);
-        let end = cluster_end(&all.values, k, area);
-        let sigma = above(&all.values, end, area);
-        let count = count_below(analysis, sigma)?;
-        return Ok(Reference { pairs: all.truncated(end), sigma, count });
+    if n <= DENSE || (n <= 4 * k && n <= LARGEST_DENSE) {
+        return from_all(problem, analysis, k);
     }
     let search = Search::new(pencil, k);
     let vectors = problem.nullspace().clone();
     let zeros = Eigenpairs { values: vec![0.0; vectors.ncols()], vectors };
-    let (mut pairs, next) = search.extend(analysis, zeros, Goal::First, 0)?;
+    let (mut pairs, next) = match search.extend(analysis, zeros, Goal::First, 0) {
+        // A long cluster above λ_k can fill the Krylov space of a small problem.
+        Err(SpectrumError::NotConverged { .. }) if n <= LARGEST_DENSE => {
+            return from_all(problem, analysis, k);
+        }
+        outcome => outcome?,
+    };
     let sigma = between(pairs.values[pairs.len() - 1], next);
     let count = count_below(analysis, sigma)?;
     for attempt in 1..=ATTEMPTS {
@@ -89,6 +94,20 @@ pub fn lowest(
         (pairs, _) = search.extend(analysis, pairs, Goal::Below(sigma), attempt)?;
     }
     Ok(Reference { pairs: pairs.canonical(zero_below(area)), sigma, count })
+}
+
+/// The lowest `k` of all eigenpairs.
+fn from_all(
+    problem: &Problem<'_>,
+    analysis: &Analysis<'_>,
+    k: usize,
+) -> Result<Reference, SpectrumError> {
+    let area = problem.pencil().area();
+    let all = dense(problem);
+    let end = cluster_end(&all.values, k, area);
+    let sigma = above(&all.values, end, area);
+    let count = count_below(analysis, sigma)?;
+    Ok(Reference { pairs: all.truncated(end), sigma, count })
 }
 
 /// A shift between two eigenvalues. Nearer to the upper one: a value that is not quite converged lies above its
@@ -316,22 +335,6 @@ mod tests {
             faces.extend(sphere.faces().iter().map(|face| face.map(|i| i + first)));
         }
         TriMesh::new(vertices, faces).unwrap()
-    }
-
-    #[test]
-    fn the_sphere_converges_with_order_two_from_both_sides() {
-        // Lumped mass underestimates and consistent mass overestimates l(l+1).
-        for (kind, side) in [(MassKind::Lumped, -1.0), (MassKind::Consistent, 1.0)] {
-            let error = |levels| {
-                let pairs = solve(levels, kind, 9);
-                assert!(pairs.values[0].abs() < 1e-11);
-                side * (pairs.values[8] / 6.0 - 1.0)
-            };
-            let (coarse, fine) = (error(2), error(3));
-            assert!(coarse > 0.0 && fine > 0.0, "{kind:?}: {coarse} {fine}");
-            let order = (coarse / fine).log2();
-            assert!((1.8..2.2).contains(&order), "{kind:?}: order {order}");
-        }
     }
 
     #[test]

@@ -6,6 +6,11 @@
 //! chunks of a fixed size and partial sums are added in the order of the chunks: the bits of a result do not depend
 //! on the number of threads.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over registers, which an iterator would keep in memory"
+)]
+
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 

@@ -8,6 +8,11 @@
 //! each part has its own copy of these, and is worked on by one thread. The cut depends on the pattern alone and sums are
 //! taken in the order of the parts, so that the bits of a solution do not depend on the number of threads.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over registers, which an iterator would keep in memory"
+)]
+
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;

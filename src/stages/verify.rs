@@ -70,6 +70,9 @@ pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<
     Ok(Verified { assembled, origin, vectors, order, certificate, judgement })
 }
 
+/// The inputs of a certificate, by role.
+type Roles = Vec<(&'static str, Digest)>;
+
 /// What the candidates are held against. The reference solver needs no second opinion: residuals and Sylvester's law
 /// prove its pairs.
 fn references(
@@ -77,7 +80,7 @@ fn references(
     item: usize,
     assembled: &Assembled,
     origin: &Origin,
-) -> Result<(References, Vec<(&'static str, Digest)>), Failure> {
+) -> Result<(References, Roles), Failure> {
     if let Origin::Fem { reference, .. } = origin {
         return Ok((References { fem: (**reference).clone(), mpgd: None }, Vec::new()));
     }
