@@ -5,7 +5,7 @@ use chladni::mesh::{TriMesh, load, sample::icosphere};
 use chladni::operators::{Boundary, MassKind, OperatorOptions, Operators};
 use chladni::spectrum::certificate::{References, SecondOpinion, certify};
 use chladni::spectrum::factor::Analysis;
-use chladni::spectrum::mpgd::{self, Direction, Stopping};
+use chladni::spectrum::mpgd::{self, Direction, Options, Step, Stopping};
 use chladni::spectrum::{Dense, Eigenpairs, Problem, fem};
 
 fn lowest(mesh: &TriMesh, options: impl Into<OperatorOptions>, count: usize) -> Eigenpairs {
@@ -77,8 +77,8 @@ fn certificate(change: impl Fn(&Eigenpairs) -> Dense) -> chladni::spectrum::Cert
     let beyond = fem::lowest(&problem, &analysis, 16).unwrap().pairs;
     let fem = fem::lowest(&problem, &analysis, 9).unwrap();
     let stopping = Stopping { tolerance: 1e-6, max_iterations: 20_000 };
-    let (pairs, runs) =
-        mpgd::lowest(pencil, &beyond.truncated(1), 9, Direction::Gradient, stopping, 3, &|| false);
+    let options = Options { step: Step::Exact(Direction::Gradient), stopping, seed: 3 };
+    let (pairs, runs) = mpgd::lowest(pencil, &beyond.truncated(1), 9, options, &|| false);
     let vectors = change(&beyond);
     let references = References { fem, mpgd: Some(SecondOpinion { pairs, runs }) };
     certify(&problem, &analysis, &vectors, &references).unwrap()
