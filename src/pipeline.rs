@@ -1,5 +1,7 @@
 //! A pipeline file as types: every key with its default, unknown keys refused with the nearest known one.
 
+mod mpgd_step;
+
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -11,6 +13,7 @@ use crate::ggnn::{features, recipe::Ritz};
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::FamilyRecipe;
 use crate::spectrum::mpgd::Stopping;
+pub use mpgd_step::MpgdStep;
 
 /// What to compute, for which meshes, and how to judge it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -146,6 +149,8 @@ pub struct Verify {
     pub orthonormality_tolerance: f64,
     /// The largest ‖Lφ − λBφ‖ in the B⁻¹ norm, relative to λ, of a solved pair.
     pub residual_tolerance: f64,
+    /// How far M-PGD goes in one step: `exact`, to the lowest quotient along its direction, or a fixed α.
+    pub mpgd_step: MpgdStep,
     /// Which way M-PGD goes: `preconditioned` by a factorisation, or down the plain `gradient` as the paper prints
     /// it, which takes thousands of steps on ten thousand vertices.
     pub mpgd_direction: MpgdDirection,
@@ -174,6 +179,7 @@ impl Default for Verify {
             angle_tolerance: 0.05,
             orthonormality_tolerance: 1e-8,
             residual_tolerance: 1e-6,
+            mpgd_step: MpgdStep::Exact,
             mpgd_direction: MpgdDirection::Preconditioned,
             mpgd_tolerance: 1e-6,
             mpgd_iterations: 20_000,
@@ -186,6 +192,23 @@ impl Verify {
     /// When M-PGD stops.
     pub fn stopping(&self) -> Stopping {
         Stopping { tolerance: self.mpgd_tolerance, max_iterations: self.mpgd_iterations }
+    }
+
+    fn check_step(&self) -> Result<(), PipelineError> {
+        let MpgdStep::Fixed(alpha) = self.mpgd_step else { return Ok(()) };
+        let refuse = |rule| {
+            let value = alpha.to_string();
+            Err(PipelineError::Value { key: "verify.mpgd_step", value, rule })
+        };
+        if !(alpha > 0.0 && alpha.is_finite()) {
+            return refuse("must be \"exact\" or a positive number");
+        }
+        if self.mpgd_direction == MpgdDirection::Preconditioned {
+            return refuse(
+                "a fixed step goes down the plain gradient; set verify.mpgd_direction = \"gradient\" beside it, or take the \"exact\" step",
+            );
+        }
+        Ok(())
     }
 }
 
@@ -286,6 +309,7 @@ impl Pipeline {
     /// [`PipelineError::Value`].
     pub fn check(&self) -> Result<(), PipelineError> {
         self.check_operators()?;
+        self.verify.check_step()?;
         let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
         for (key, value) in [
             ("train.k", k),
@@ -513,5 +537,25 @@ mod tests {
         assert!(message(&[graph, "operators.mass=lumped"]).starts_with("operators.mass = lumped"));
         assert!(message(&[graph]).starts_with("operators.laplacian = graph: cannot be trained"));
         assert!(parse("", &["operators.laplacian=fem", "operators.mass=voronoi"]).is_ok());
+    }
+
+    #[test]
+    fn a_fixed_step_goes_down_the_plain_gradient_only() {
+        let message = |set: &[&str]| parse("", set).unwrap_err().to_string();
+        let gradient = "verify.mpgd_direction=gradient";
+        let fixed = parse("[verify]\nmpgd_step = 0.001", &[gradient]).unwrap();
+        assert_eq!(fixed.verify.mpgd_step, MpgdStep::Fixed(0.001));
+        let exact = parse("[verify]\nmpgd_step = 0.001", &["verify.mpgd_step=exact"]).unwrap();
+        assert_eq!(exact.verify.mpgd_step, MpgdStep::Exact);
+        let refused = message(&["verify.mpgd_step=0.001"]);
+        assert!(refused.starts_with("verify.mpgd_step = 0.001: "), "{refused}");
+        assert!(refused.contains("verify.mpgd_direction = \"gradient\""), "{refused}");
+        for alpha in ["0", "-1.0", "nan", "inf"] {
+            let refused = message(&[&format!("verify.mpgd_step={alpha}"), gradient]);
+            assert!(refused.contains("\"exact\" or a positive number"), "{refused}");
+        }
+        let unknown = parse("[verify]\nmpgd_step = \"exakt\"", &[]).unwrap_err().to_string();
+        let expected = "invalid value: string \"exakt\", expected \"exact\" or a positive number";
+        assert!(unknown.contains("line 2") && unknown.contains(expected), "{unknown}");
     }
 }

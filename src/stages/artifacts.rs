@@ -276,8 +276,14 @@ pub struct SecondOpinionArtifact {
 type RunParts = (u64, f64, f64, u8);
 
 /// In the order of their codes.
-const STOPPED_BY: [StoppedBy; 4] =
-    [StoppedBy::Tolerance, StoppedBy::Count, StoppedBy::AfterUnconverged, StoppedBy::Cancelled];
+const STOPPED_BY: [StoppedBy; 6] = [
+    StoppedBy::Tolerance,
+    StoppedBy::Count,
+    StoppedBy::AfterUnconverged,
+    StoppedBy::Cancelled,
+    StoppedBy::Diverged,
+    StoppedBy::Stalled,
+];
 
 impl From<&SecondOpinion> for SecondOpinionArtifact {
     fn from(opinion: &SecondOpinion) -> Self {

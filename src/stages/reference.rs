@@ -5,10 +5,10 @@ use super::Failure;
 use super::artifacts::{ReferenceArtifact, SecondOpinionArtifact};
 use super::assemble::Assembled;
 use super::context::{Context, Recalled, Work, canonical};
-use crate::pipeline::MpgdDirection;
+use crate::pipeline::{MpgdDirection, MpgdStep};
 use crate::spectrum::certificate::SecondOpinion;
 use crate::spectrum::factor::Analysis;
-use crate::spectrum::mpgd::{self, Direction, StoppedBy};
+use crate::spectrum::mpgd::{self, Direction, Options, Step, StoppedBy};
 use crate::spectrum::{Eigenpairs, fem};
 use crate::store::Artifact;
 
@@ -43,6 +43,7 @@ pub fn mpgd(
     let work = posed::<SecondOpinionArtifact>(context, assembled)
         .param("count", count.to_string())
         .param("stopping", canonical(&verify.stopping()))
+        .param("step", canonical(&verify.mpgd_step))
         .param("direction", canonical(&verify.mpgd_direction));
     context.recall(item, work.seeded(verify.mpgd_seed, "f64"), || {
         let problem = assembled.problem(context.pipeline.operators.boundary)?;
@@ -50,16 +51,19 @@ pub fn mpgd(
         let zeros = problem.nullspace();
         let vectors = zeros.subcols(0, zeros.ncols().min(count)).to_owned();
         let known = Eigenpairs { values: vec![0.0; vectors.ncols()], vectors };
-        let analysis = Analysis::new(pencil)?;
-        let factor = analysis.positive(1.0 / pencil.area())?;
-        let direction = match verify.mpgd_direction {
-            MpgdDirection::Gradient => Direction::Gradient,
-            MpgdDirection::Preconditioned => Direction::Preconditioned(&factor),
+        let (analysis, factor);
+        let step = match (verify.mpgd_step, verify.mpgd_direction) {
+            (MpgdStep::Fixed(alpha), _) => Step::Fixed(alpha),
+            (MpgdStep::Exact, MpgdDirection::Gradient) => Step::Exact(Direction::Gradient),
+            (MpgdStep::Exact, MpgdDirection::Preconditioned) => {
+                analysis = Analysis::new(pencil)?;
+                factor = analysis.positive(1.0 / pencil.area())?;
+                Step::Exact(Direction::Preconditioned(&factor))
+            }
         };
+        let options = Options { step, stopping: verify.stopping(), seed: verify.mpgd_seed };
         let cancelled = || context.cancel.is_cancelled();
-        let (stopping, seed) = (verify.stopping(), verify.mpgd_seed);
-        let (pairs, runs) =
-            mpgd::lowest(pencil, &known, count, direction, stopping, seed, &cancelled);
+        let (pairs, runs) = mpgd::lowest(pencil, &known, count, options, &cancelled);
         if runs.iter().any(|run| run.stopped_by == StoppedBy::Cancelled) {
             return Err(Failure::Interrupted);
         }

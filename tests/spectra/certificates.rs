@@ -6,7 +6,7 @@ use chladni::spectrum::certificate::{References, SecondOpinion, certify};
 use chladni::spectrum::cluster::zero_below;
 use chladni::spectrum::eigenpairs::normalise_columns;
 use chladni::spectrum::factor::Analysis;
-use chladni::spectrum::mpgd::{self, Direction, Stopping};
+use chladni::spectrum::mpgd::{self, Direction, Options, Step, Stopping};
 use chladni::spectrum::{Certificate, Dense};
 use proptest::prelude::*;
 
@@ -159,9 +159,9 @@ fn both_solvers_are_held_against_the_pairs() {
     let problem = surface.problem();
     let fem = surface.reference(9);
     let stopping = Stopping { tolerance: 1e-6, max_iterations: 20_000 };
+    let options = Options { step: Step::Exact(Direction::Gradient), stopping, seed: 3 };
     let known = fem.pairs.truncated(1);
-    let (pairs, runs) =
-        mpgd::lowest(problem.pencil(), &known, 9, Direction::Gradient, stopping, 3, &|| false);
+    let (pairs, runs) = mpgd::lowest(problem.pencil(), &known, 9, options, &|| false);
     let vectors = fem.pairs.vectors.clone();
     let references = References { fem, mpgd: Some(SecondOpinion { pairs, runs }) };
     let analysis = Analysis::new(problem.pencil()).unwrap();
