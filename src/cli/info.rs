@@ -8,6 +8,8 @@ use serde::Serialize;
 use super::exit::Exit;
 use super::{Format, Refusal, print, print_json};
 use crate::mesh::{self, Ingested, Repairs};
+use crate::operators::{MassKind, Operators};
+use crate::publish::result::TriangleQuality;
 use crate::publish::table::six_digits;
 
 #[derive(Debug, clap::Args)]
@@ -38,6 +40,7 @@ struct Info<'a> {
     non_manifold_edges: usize,
     non_manifold_vertices: usize,
     misoriented_edges: usize,
+    quality: Option<TriangleQuality>,
     repairs: &'a Repairs,
 }
 
@@ -79,6 +82,8 @@ fn describe(path: String, ingested: &Ingested) -> Info<'_> {
         non_manifold_edges: topology.non_manifold_edges,
         non_manifold_vertices: topology.non_manifold_vertices,
         misoriented_edges: topology.misoriented_edges,
+        // A mesh without operators has none; `solve` says why.
+        quality: Operators::assemble(mesh, MassKind::Lumped).ok().map(|o| o.quality.into()),
         repairs: &ingested.repairs,
     }
 }
@@ -114,6 +119,7 @@ fn text(info: &Info<'_>) -> String {
     let [low, high] = info.bounds;
     let side = |c: usize| format!("[{}, {}]", six_digits(low[c]), six_digits(high[c]));
     line("bounds", format!("{} × {} × {}", side(0), side(1), side(2)));
+    line("triangles", info.quality.as_ref().map_or(NO_ANGLES.into(), triangles));
     for (count, what, meaning) in [
         (
             info.non_manifold_edges,
@@ -144,6 +150,19 @@ fn text(info: &Info<'_>) -> String {
         }
     }
     text
+}
+
+const NO_ANGLES: &str = "some are too thin for double precision: solve with --robust";
+
+fn triangles(quality: &TriangleQuality) -> String {
+    let angle = format!("smallest angle {:.2}°", quality.min_angle_degrees);
+    match quality.negative_weights {
+        0 => format!("{angle}, no negative cotangent weight"),
+        count => format!(
+            "{angle}, {}: `--robust` (operators.robust) mends those inside the surface",
+            plural(count, "negative cotangent weight")
+        ),
+    }
 }
 
 fn plural(count: usize, what: &str) -> String {

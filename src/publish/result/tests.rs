@@ -101,6 +101,10 @@ fn the_document_is_the_contract() {
             "completeness": {
                 "sigma": 3.0, "count": null, "found": 2, "complete": false, "cut_cluster": true
             },
+            "quality": {
+                "min_angle_degrees": 31.5, "negative_weights": 2, "non_delaunay_edges": 1,
+                "mollification": null, "flips": null
+            },
             "repairs": {
                 "welded_vertices": 4, "collapsed_faces": 0, "zero_area_faces": 0,
                 "duplicate_faces": 0, "unreferenced_vertices": 0, "polygons": 0, "left_out": 0
