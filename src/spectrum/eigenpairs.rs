@@ -2,7 +2,7 @@
 
 use super::Dense;
 use super::cluster::clusters;
-use super::pencil::{column, column_mut, combine, quadratic};
+use super::pencil::{column, column_mut, combine, dot, quadratic};
 use crate::operators::Sparse;
 
 /// K eigenpairs of (8): ascending values in 1/(input unit)² and B-orthonormal vectors, n×K.
@@ -84,34 +84,42 @@ pub fn normalise_columns(mass: &Sparse, x: &mut Dense) {
 /// An orthogonal m×m matrix that depends on the span of the m columns of `block` alone.
 fn pivoted_basis(block: &Dense) -> Dense {
     let m = block.ncols();
-    let mut rotation = Dense::zeros(m, 0);
+    let mut rotation: Vec<Vec<f64>> = Vec::with_capacity(m);
     let mut rest = block.clone();
     for _ in 0..m {
-        let norms: Vec<f64> =
-            (0..rest.nrows()).map(|i| (0..m).map(|j| rest[(i, j)] * rest[(i, j)]).sum()).collect();
-        let largest = norms.iter().fold(0.0_f64, |a, &b| a.max(b));
-        let pivot = norms.iter().position(|&v| v >= largest * (1.0 - SIGN_TIE)).unwrap_or(0);
-        let length = norms[pivot].sqrt().max(f64::MIN_POSITIVE);
-        let mut direction = Dense::from_fn(m, 1, |j, _| rest[(pivot, j)] / length);
+        let pivot = longest_row(&rest);
+        let mut direction: Vec<f64> = (0..m).map(|j| rest[(pivot, j)]).collect();
+        let length = norm(&direction).max(f64::MIN_POSITIVE);
+        direction.iter_mut().for_each(|d| *d /= length);
         // Once more against what is there already: the pivots shrink, rounding does not.
-        for k in 0..rotation.ncols() {
-            let c: f64 = (0..m).map(|j| rotation[(j, k)] * direction[(j, 0)]).sum();
-            (0..m).for_each(|j| direction[(j, 0)] -= c * rotation[(j, k)]);
+        for earlier in &rotation {
+            let c = dot(earlier, &direction);
+            direction.iter_mut().zip(earlier).for_each(|(d, e)| *d -= c * e);
         }
-        let length = column(&direction, 0).iter().map(|v| v * v).sum::<f64>().sqrt();
-        (0..m).for_each(|j| direction[(j, 0)] /= length);
-        let along = combine(&rest, &direction);
-        for j in 0..m {
-            let d = direction[(j, 0)];
-            for i in 0..rest.nrows() {
-                rest[(i, j)] -= along[(i, 0)] * d;
-            }
+        let length = norm(&direction);
+        direction.iter_mut().for_each(|d| *d /= length);
+        let along = combine(&rest, &Dense::from_fn(m, 1, |j, _| direction[j]));
+        for (j, &d) in direction.iter().enumerate() {
+            let rest = column_mut(&mut rest, j);
+            rest.iter_mut().zip(column(&along, 0)).for_each(|(r, a)| *r -= a * d);
         }
-        rotation = Dense::from_fn(m, rotation.ncols() + 1, |i, j| {
-            if j < rotation.ncols() { rotation[(i, j)] } else { direction[(i, 0)] }
-        });
+        rotation.push(direction);
     }
-    rotation
+    Dense::from_fn(m, m, |i, j| rotation[j][i])
+}
+
+/// The row of the largest norm; ties go to the lowest index.
+fn longest_row(x: &Dense) -> usize {
+    let mut squares = vec![0.0; x.nrows()];
+    for j in 0..x.ncols() {
+        squares.iter_mut().zip(column(x, j)).for_each(|(s, v)| *s += v * v);
+    }
+    let largest = squares.iter().fold(0.0_f64, |a, &b| a.max(b));
+    squares.iter().position(|&s| s >= largest * (1.0 - SIGN_TIE)).unwrap_or(0)
+}
+
+fn norm(x: &[f64]) -> f64 {
+    dot(x, x).sqrt()
 }
 
 #[cfg(test)]

@@ -164,7 +164,7 @@ impl<'a> Search<'a> {
             .map(|first| Panel::from_columns(&found.vectors, first))
             .collect();
         let mut krylov = Krylov::new(&factor, self.pencil.mass, known, attempt);
-        let mut look_at = 5 * self.k.saturating_sub(found.len()) / 2 + 5 * WIDTH;
+        let mut look_at = 3 * self.k.saturating_sub(found.len()) + 5 * WIDTH;
         let mut before: Option<Look> = None;
         loop {
             while krylov.dimension() < look_at {
@@ -272,7 +272,7 @@ impl Look {
         let blocks = (self.dimension - before.dimension) / WIDTH;
         let fall = (before.excess.ln() - self.excess.ln()) / blocks.max(1) as f64;
         let estimate = self.excess.ln() / fall;
-        if estimate.is_finite() && fall > 0.0 { (estimate.ceil() as usize).clamp(1, 4) } else { 3 }
+        if estimate.is_finite() && fall > 0.0 { (estimate.ceil() as usize).clamp(1, 3) } else { 3 }
     }
 }
 

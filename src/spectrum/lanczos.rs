@@ -209,20 +209,25 @@ impl<'a> Krylov<'a> {
     /// The operator applied to Ritz vectors, normalised, n×k: V(Ty) and what leaves the basis. It is a step of
     /// inverse iteration for nothing: high frequencies, which rounding left in V, are damped.
     pub fn vectors(&self, ritz: &Ritz, chosen: &[usize]) -> Dense {
-        let mut x = Dense::zeros(self.mass.rows(), chosen.len());
-        for (group, chosen) in chosen.chunks(WIDTH).enumerate() {
-            let mut c = vec![[0.0; WIDTH]; self.dimension() + WIDTH];
+        let m = self.dimension();
+        let coefficients = |chosen: &[usize]| {
+            let mut c = vec![[0.0; WIDTH]; m + WIDTH];
             for (column, &j) in chosen.iter().enumerate() {
                 let (theta, leaving) = (ritz.values[j], self.leaving(&ritz.vectors, j));
                 let norm = theta.hypot(ritz.residuals[j]);
-                for (i, row) in c[..self.dimension()].iter_mut().enumerate() {
+                for (i, row) in c[..m].iter_mut().enumerate() {
                     row[column] = theta * ritz.vectors[(i, j)] / norm;
                 }
-                for (row, value) in c[self.dimension()..].iter_mut().zip(leaving) {
+                for (row, value) in c[m..].iter_mut().zip(leaving) {
                     row[column] = value / norm;
                 }
             }
-            combine(&self.basis, &c).write_columns(&mut x, group * WIDTH);
+            c
+        };
+        let all: Vec<_> = chosen.chunks(WIDTH).map(coefficients).collect();
+        let mut x = Dense::zeros(self.mass.rows(), chosen.len());
+        for (group, panel) in combine(&self.basis, &all).iter().enumerate() {
+            panel.write_columns(&mut x, group * WIDTH);
         }
         x
     }

@@ -30,6 +30,9 @@ pub type Square = [Row; WIDTH];
 /// Rows that one thread takes at a time: a panel's chunk fits the second-level cache.
 const CHUNK: usize = 2048;
 
+/// Rows of which a thread has a whole basis in its second-level cache.
+const SMALL_CHUNK: usize = 256;
+
 /// n×8, by rows.
 #[derive(Debug, Clone)]
 pub struct Panel {
@@ -123,18 +126,26 @@ pub fn transform(w: &mut Panel, c: &Square) {
     w.rows.par_chunks_mut(CHUNK).for_each(|w| widest(Transform { w, c }));
 }
 
-/// V C, for C as many rows of eight as V has columns.
-pub fn combine(v: &[Panel], c: &[Row]) -> Panel {
+/// V C for several C, each with as many rows of eight as V has columns. V is read once.
+pub fn combine(v: &[Panel], c: &[Vec<Row>]) -> Vec<Panel> {
     let n = v.first().map_or(0, |panel| panel.rows.len());
-    let mut sum = Panel::zeros(n);
-    sum.rows.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sum)| {
-        let first = chunk * CHUNK;
-        for (v, c) in v.iter().zip(c.as_chunks::<WIDTH>().0) {
-            let v = &v.rows[first..first + sum.len()];
-            widest(Update { w: sum, v, c });
+    let mut sums: Vec<Panel> = c.iter().map(|_| Panel::zeros(n)).collect();
+    let mut chunks: Vec<Vec<&mut [Row]>> = (0..n.div_ceil(SMALL_CHUNK)).map(|_| vec![]).collect();
+    for sum in &mut sums {
+        for (chunk, rows) in chunks.iter_mut().zip(sum.rows.chunks_mut(SMALL_CHUNK)) {
+            chunk.push(rows);
+        }
+    }
+    chunks.into_par_iter().enumerate().for_each(|(chunk, sums)| {
+        let first = chunk * SMALL_CHUNK;
+        for (w, c) in sums.into_iter().zip(c) {
+            for (v, c) in v.iter().zip(c.as_chunks::<WIDTH>().0) {
+                let v = &v.rows[first..first + w.len()];
+                widest(Update { w, v, c });
+            }
         }
     });
-    sum
+    sums
 }
 
 fn negative(c: &Square) -> Square {
@@ -288,7 +299,7 @@ mod tests {
         }
         // W − VC + VC = W.
         let flat: Vec<Row> = c.iter().flatten().copied().collect();
-        let sum = combine(&v, &flat);
+        let sum = combine(&v, &[flat]).remove(0);
         subtract(&mut w, &v, &c);
         let mut back = Dense::zeros(n, WIDTH);
         w.write_columns(&mut back, 0);
