@@ -98,12 +98,6 @@ impl SecondOpinion {
     }
 }
 
-/// Where the cluster of pair K ends, in a reference spectrum that reaches past it.
-pub fn cluster_end(values: &[f64], k: usize, area: f64) -> usize {
-    let runs = clusters(values, CLUSTER_GAP, zero_below(area));
-    runs.into_iter().find(|run| run.contains(&(k - 1))).map_or(k, |run| run.end)
-}
-
 /// Measures the K columns of `vectors`, which are B-normalised approximate eigenfunctions in order, on the free vertices
 /// of the problem.
 ///

@@ -32,6 +32,12 @@ pub fn clusters(values: &[f64], gap: f64, zero: f64) -> Vec<Range<usize>> {
     runs
 }
 
+/// Where the cluster of pair K ends, in ascending eigenvalues that reach past it.
+pub fn cluster_end(values: &[f64], k: usize, area: f64) -> usize {
+    let runs = clusters(values, CLUSTER_GAP, zero_below(area));
+    runs.into_iter().find(|run| run.contains(&(k - 1))).map_or(k, |run| run.end)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -12,8 +12,7 @@
 //! A few hundred vertices, or a good part of the whole spectrum, are solved as the dense pencil that the answer nearly
 //! is.
 
-use super::certificate::cluster_end;
-use super::cluster::zero_below;
+use super::cluster::{cluster_end, zero_below};
 use super::factor::Analysis;
 use super::inertia::count_below;
 use super::lanczos::{Krylov, Ritz};
