@@ -20,10 +20,9 @@ use super::panel::{Panel, WIDTH};
 use super::triangular::{Packed, Plan, Workspace};
 use super::{Dense, Pencil, SpectrumError};
 
-/// Which neighbouring supernodes become one: up to so many columns, with less than this share of stored zeros. Wide
-/// supernodes factorise faster, zeros are solved with in vain; an eigensolver solves a hundred times as often as it
-/// factorises.
-const RELAX: [(usize, f64); 3] = [(4, 0.0), (4, 0.0), (4, 0.0)];
+/// Which neighbouring supernodes become one: up to four columns together, where that stores no zeros. Wide supernodes
+/// factorise faster, zeros are solved with in vain; an eigensolver solves a hundred times as often as it factorises.
+const RELAX: [(usize, f64); 1] = [(4, 0.0)];
 
 /// The fill-reducing analysis of the pattern of L − σB: valid for every σ.
 pub struct Analysis<'a> {
@@ -63,16 +62,6 @@ impl<'a> Analysis<'a> {
         Ok(Self { pencil, lower, symbolic, plan })
     }
 
-    /// The pencil.
-    pub fn pencil(&self) -> Pencil<'a> {
-        self.pencil
-    }
-
-    /// The entries of a factor.
-    pub fn fill(&self) -> usize {
-        self.symbolic.len_val()
-    }
-
     /// R D Rᵀ of L − σB.
     ///
     /// # Errors
@@ -108,8 +97,9 @@ impl<'a> Analysis<'a> {
         let matrix = self.lower.shifted(self.pencil, sigma);
         let out_of_memory = || SpectrumError::OutOfMemory { n: self.pencil.n() };
         let mut values = Vec::new();
-        values.try_reserve_exact(self.fill()).map_err(|_| out_of_memory())?;
-        values.resize(self.fill(), 0.0);
+        let fill = self.symbolic.len_val();
+        values.try_reserve_exact(fill).map_err(|_| out_of_memory())?;
+        values.resize(fill, 0.0);
         let scratch =
             self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
         let mut scratch = MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;

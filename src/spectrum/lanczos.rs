@@ -95,8 +95,7 @@ impl<'a> Krylov<'a> {
         apply(self.mass, &self.basis[newest], &mut w);
         self.factor.solve_panel(&mut w, &mut self.workspace);
         // What the three-term recurrence removes first; the rest of the basis sees rounding only.
-        apply(self.mass, &w, &mut self.product);
-        let size = longest(&coefficients(std::slice::from_ref(&w), &self.product)[0]);
+        let size = longest(&self.gram(&w));
         let near = newest.saturating_sub(1)..newest + 1;
         let local = coefficients(&self.basis[near.clone()], &self.product);
         subtract(&mut w, &self.basis[near.clone()], &local);
@@ -118,10 +117,15 @@ impl<'a> Krylov<'a> {
         self.coupling.push(coupling);
     }
 
+    /// WᵀBW. Leaves BW in `product`.
+    fn gram(&mut self, w: &Panel) -> Square {
+        apply(self.mass, w, &mut self.product);
+        coefficients(std::slice::from_ref(w), &self.product)[0]
+    }
+
     /// W ← W − VVᵀBW for what is known and for these panels of the basis. Returns the coefficients of the latter.
     fn project(&mut self, w: &mut Panel, against: Range<usize>) -> Vec<Square> {
-        apply(self.mass, w, &mut self.product);
-        let length = longest(&coefficients(std::slice::from_ref(w), &self.product)[0]);
+        let length = longest(&self.gram(w));
         let basis = coefficients(&self.basis[against.clone()], &self.product);
         let known = coefficients(&self.known, &self.product);
         subtract(w, &self.basis[against], &basis);
@@ -138,8 +142,7 @@ impl<'a> Krylov<'a> {
     fn orthonormalise(&mut self, mut w: Panel, size: f64) -> (Panel, Square) {
         let mut r = identity();
         for pass in 0..5 {
-            apply(self.mass, &w, &mut self.product);
-            let gram = coefficients(std::slice::from_ref(&w), &self.product)[0];
+            let gram = self.gram(&w);
             if pass > 0 && distance_from_identity(&gram) < ORTHONORMAL {
                 break;
             }
@@ -167,8 +170,7 @@ impl<'a> Krylov<'a> {
         for _ in 0..2 {
             self.project(w, 0..self.basis.len());
         }
-        apply(self.mass, w, &mut self.product);
-        let gram = coefficients(std::slice::from_ref(w), &self.product)[0];
+        let gram = self.gram(w);
         let mut scale = [[0.0; WIDTH]; WIDTH];
         for i in 0..WIDTH {
             scale[i][i] = if gram[i][i] > 0.0 { gram[i][i].sqrt().recip() } else { 0.0 };
