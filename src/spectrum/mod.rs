@@ -4,7 +4,8 @@
 //! - [`eigenpairs`]: values with vectors, their sign and their basis inside a cluster
 //! - [`cluster`]: which eigenvalues are compared as one subspace
 //! - [`rayleigh_ritz`]: small dense eigenproblems, and projection onto a subspace
-//! - [`factor`]: sparse factorisations L − σB = R D Rᵀ; `triangular`: solves with them
+//! - [`factor`]: sparse factorisations L − σB = R D Rᵀ; `elimination`: their order and fill; `multifrontal` and `front`:
+//!   their numbers; `triangular`: solves with them
 //! - [`problem`]: the pencil of a mesh with its boundary condition
 //! - [`panel`]: eight functions side by side, and products of such blocks
 //! - `lanczos`: a Krylov space grown by panels
@@ -19,11 +20,14 @@ pub mod certificate;
 pub mod cluster;
 pub mod dual_norm;
 pub mod eigenpairs;
+mod elimination;
 pub mod factor;
 pub mod fem;
+mod front;
 pub mod inertia;
 mod lanczos;
 pub mod mpgd;
+mod multifrontal;
 pub mod nullspace;
 pub mod panel;
 pub mod pencil;
@@ -53,6 +57,12 @@ pub enum SpectrumError {
          the mesh has triangles too thin for double precision: remesh it, or remove its slivers"
     )]
     Breakdown { sigma: f64, pivot: usize },
+    /// L + μB has negative pivots, which only rounding can bring about.
+    #[error(
+        "L + μB with μ = {mu:.3e} is not positive definite: {negative} pivots are negative; \
+         the mesh has triangles too thin for double precision: remesh it, or remove its slivers"
+    )]
+    Indefinite { mu: f64, negative: usize },
     /// The Krylov space filled up before the residuals were small enough.
     #[error(
         "the eigensolver stopped after {iterations} blocks with residuals {excess:.1e} times what is asked; the mesh is \

@@ -13,10 +13,13 @@
     reason = "loops over registers, which an iterator would keep in memory"
 )]
 
-use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
+use super::Pencil;
+use super::elimination::Elimination;
+use super::front::Front;
+use super::multifrontal::{self, BadPivot, Taker};
 use super::panel::{Panel, Row, WIDTH, strip, strip_mut};
 
 /// Parts of the elimination tree that are worked on at the same time.
@@ -29,12 +32,13 @@ const SHARE: f64 = 1.0 / 16.0;
 pub struct Plan {
     parts: Vec<Part>,
     top: Part,
+    /// Where the values of every supernode begin, and where they end.
+    values_at: Vec<usize>,
 }
 
 /// Some subtrees of the elimination tree, or its top.
 #[derive(Default)]
 struct Part {
-    supernodes: Vec<usize>,
     tiles: Vec<Tile>,
     /// The rows below the diagonal blocks, as indices into the part's own rows and then those of the top.
     below: Vec<u32>,
@@ -57,49 +61,92 @@ struct Tile {
     values: usize,
 }
 
-/// The values of a factor: for every tile its triangle, width × width by rows with D⁻¹ on the diagonal, and then its
-/// rows below that. One list a part, the top's last.
-pub struct Packed(Vec<Vec<f64>>);
+/// The values of a factor, supernode by supernode: for every tile its triangle, width × width by rows with D⁻¹ on the
+/// diagonal, and then its rows below that.
+pub struct Packed(Vec<f64>);
+
+/// Packs fronts as they are eliminated.
+struct Packer<'a> {
+    plan: &'a Plan,
+    /// The values from supernode `first` on.
+    values: &'a mut [f64],
+    first: usize,
+}
 
 /// What a solve writes on the way: the rows of every part, followed by its copy of those of the top.
 #[derive(Debug, Clone)]
 pub struct Workspace(Vec<Vec<Row>>);
 
+/// The widths of the tiles that so many columns are cut into.
+fn widths(columns: usize) -> impl Iterator<Item = usize> {
+    let widest = |left: usize| [8, 4, 2, 1].into_iter().find(|&width| width <= left);
+    let cut = move |&(left, width): &(usize, usize)| {
+        let left = left - width;
+        widest(left).map(|width| (left, width))
+    };
+    std::iter::successors(widest(columns).map(|width| (columns, width)), cut)
+        .map(|(_, width)| width)
+}
+
 impl Plan {
-    /// Cuts the elimination tree. `order` has the row of the matrix for every row of the factor.
-    pub fn new(symbolic: &SymbolicSupernodalCholesky<usize>, order: &[usize]) -> Self {
-        let (parts, top) = cut(symbolic);
+    /// Cuts the elimination tree.
+    pub fn new(elimination: &Elimination) -> Self {
+        let (parts, top) = cut(elimination);
+        let mut values_at = vec![0];
+        for s in 0..elimination.supernodes() {
+            let mut left = elimination.columns(s).len();
+            let mut end = values_at[s];
+            for width in widths(left) {
+                end += width * (left + elimination.pattern(s).len());
+                left -= width;
+            }
+            values_at.push(end);
+        }
         // For every row of the factor its place among the top's rows, or among its part's.
-        let mut place = vec![0_u32; symbolic.nrows()];
-        let mut in_top = vec![false; symbolic.nrows()];
+        let mut place = vec![0_u32; elimination.n()];
+        let mut in_top = vec![false; elimination.n()];
         let part = |supernodes: &[usize], place: &mut [u32]| {
-            let mut part = Part { supernodes: supernodes.to_vec(), ..Part::default() };
-            for &s in supernodes {
-                for column in columns(symbolic, s) {
-                    place[column] = part.rows.len() as u32;
-                    part.rows.push(order[column] as u32);
-                }
+            let mut part = Part::default();
+            for column in supernodes.iter().flat_map(|&s| elimination.columns(s)) {
+                place[column] = part.rows.len() as u32;
+                part.rows.push(elimination.order()[column]);
             }
             part
         };
-        let mut top = part(&top, &mut place);
-        for &s in &top.supernodes {
-            in_top[columns(symbolic, s)].fill(true);
+        let supernodes = top;
+        let mut top = part(&supernodes, &mut place);
+        for &s in &supernodes {
+            in_top[elimination.columns(s)].fill(true);
         }
-        top.tile(symbolic, |row| place[row]);
+        top.tile(elimination, &supernodes, &values_at, |row| place[row]);
         let parts = parts.into_iter().map(|supernodes| {
             let mut part = part(&supernodes, &mut place);
             let own = part.rows.len() as u32;
-            part.tile(symbolic, |row| if in_top[row] { own + place[row] } else { place[row] });
+            let local = |row: usize| if in_top[row] { own + place[row] } else { place[row] };
+            part.tile(elimination, &supernodes, &values_at, local);
             part
         });
-        Self { parts: parts.collect(), top }
+        Self { parts: parts.collect(), top, values_at }
     }
 
-    /// Packs the values that faer leaves in supernodes, each (columns + rows below) × columns, by columns.
-    pub fn pack(&self, symbolic: &SymbolicSupernodalCholesky<usize>, values: &[f64]) -> Packed {
-        let parts: Vec<&Part> = self.parts.iter().chain([&self.top]).collect();
-        Packed(parts.par_iter().map(|part| part.pack(symbolic, values)).collect())
+    /// Factorises L − σB. Returns the factor and the number of negative entries of D; `None` when there is no memory
+    /// for it.
+    ///
+    /// # Errors
+    /// [`BadPivot`].
+    pub fn factorise(
+        &self,
+        pencil: Pencil<'_>,
+        sigma: f64,
+        elimination: &Elimination,
+    ) -> Option<Result<(Packed, usize), BadPivot>> {
+        let mut values = Vec::new();
+        let fill = self.values_at.last().map_or(0, |&end| end);
+        values.try_reserve_exact(fill).ok()?;
+        values.resize(fill, 0.0);
+        let packer = Packer { plan: self, values: &mut values, first: 0 };
+        let negative = multifrontal::factorise(pencil, sigma, elimination, packer);
+        Some(negative.map(|negative| (Packed(values), negative)))
     }
 
     /// Room for solves.
@@ -112,9 +159,9 @@ impl Plan {
     /// X ← (R D Rᵀ)⁻¹ X.
     pub fn solve(&self, packed: &Packed, x: &mut Panel, workspace: &mut Workspace) {
         let rows = x.rows();
-        let (top_values, values) = packed.0.split_last().expect("the top is always there");
+        let values = packed.0.as_slice();
         let (top, rooms) = workspace.0.split_last_mut().expect("the top is always there");
-        rooms.par_iter_mut().zip(&self.parts).zip(values).for_each(|((room, part), values)| {
+        rooms.par_iter_mut().zip(&self.parts).for_each(|(room, part)| {
             let (own, copy) = room.split_at_mut(part.rows.len());
             own.iter_mut().zip(&part.rows).for_each(|(to, &from)| *to = rows[from as usize]);
             copy.fill([0.0; WIDTH]);
@@ -127,9 +174,9 @@ impl Plan {
                 (0..WIDTH).for_each(|j| sum[j] += copy[j]);
             }
         }
-        self.top.run(top_values, top, Direction::Forward);
-        self.top.run(top_values, top, Direction::Backward);
-        rooms.par_iter_mut().zip(&self.parts).zip(values).for_each(|((room, part), values)| {
+        self.top.run(values, top, Direction::Forward);
+        self.top.run(values, top, Direction::Backward);
+        rooms.par_iter_mut().zip(&self.parts).for_each(|(room, part)| {
             room[part.rows.len()..].copy_from_slice(top);
             part.run(values, room, Direction::Backward);
         });
@@ -141,31 +188,37 @@ impl Plan {
     }
 }
 
-/// The columns of a supernode.
-fn columns(symbolic: &SymbolicSupernodalCholesky<usize>, s: usize) -> std::ops::Range<usize> {
-    symbolic.supernode_begin()[s]..symbolic.supernode_end()[s]
+impl Taker for Packer<'_> {
+    fn split(self, s: usize) -> (Self, Self) {
+        let at = &self.plan.values_at;
+        let (before, after) = self.values.split_at_mut(at[s] - at[self.first]);
+        let (plan, first) = (self.plan, self.first);
+        (Self { plan, values: before, first }, Self { plan, values: after, first: s })
+    }
+
+    fn take(&mut self, s: usize, front: &Front) {
+        let at = &self.plan.values_at;
+        let mut values = &mut self.values[at[s] - at[self.first]..at[s + 1] - at[self.first]];
+        let mut first = 0;
+        for width in widths(front.columns()) {
+            let (tile, after) = values.split_at_mut(width * (front.height() - first));
+            for k in 0..width {
+                let column = &front.column(first + k)[first..front.height()];
+                for (row, &value) in tile.chunks_exact_mut(width).zip(column).skip(k) {
+                    row[k] = value;
+                }
+                tile[k * width + k] = column[k].recip();
+            }
+            values = after;
+            first += width;
+        }
+    }
 }
 
 /// The supernodes of every part and those of the top, each ascending.
-fn cut(symbolic: &SymbolicSupernodalCholesky<usize>) -> (Vec<Vec<usize>>, Vec<usize>) {
-    let count = symbolic.n_supernodes();
-    let mut of_column = vec![0_u32; symbolic.nrows()];
-    (0..count).for_each(|s| of_column[columns(symbolic, s)].fill(s as u32));
-    let parent = |s: usize| symbolic.supernode(s).pattern().first().map(|&row| of_column[row]);
-    // Parents come after their children: one pass sums up the subtrees.
-    let at = symbolic.col_ptr_for_val();
-    let mut work: Vec<usize> = (0..count).map(|s| at[s + 1] - at[s]).collect();
-    let mut children = vec![Vec::new(); count];
-    let mut subtrees = Vec::new();
-    for s in 0..count {
-        match parent(s) {
-            Some(parent) => {
-                work[parent as usize] += work[s];
-                children[parent as usize].push(s);
-            }
-            None => subtrees.push(s),
-        }
-    }
+fn cut(elimination: &Elimination) -> (Vec<Vec<usize>>, Vec<usize>) {
+    let work = elimination.subtree_sums(|columns, below| columns * (columns + below));
+    let mut subtrees: Vec<usize> = elimination.roots().collect();
     let total: usize = subtrees.iter().map(|&s| work[s]).sum();
     let heaviest = |subtrees: &[usize]| (0..subtrees.len()).max_by_key(|&i| (work[subtrees[i]], i));
     let mut top = Vec::new();
@@ -175,7 +228,7 @@ fn cut(symbolic: &SymbolicSupernodalCholesky<usize>) -> (Vec<Vec<usize>>, Vec<us
         }
         let s = subtrees.swap_remove(i);
         top.push(s);
-        subtrees.extend(&children[s]);
+        subtrees.extend(elimination.children(s));
     }
     top.sort_unstable();
     // Each to the part with the least so far, the heaviest first.
@@ -185,11 +238,7 @@ fn cut(symbolic: &SymbolicSupernodalCholesky<usize>) -> (Vec<Vec<usize>>, Vec<us
         let (load, supernodes) =
             parts.iter_mut().min_by_key(|(load, _)| *load).expect("there are parts");
         *load += work[root];
-        let mut open = vec![root];
-        while let Some(s) = open.pop() {
-            supernodes.push(s);
-            open.extend(&children[s]);
-        }
+        supernodes.extend(elimination.subtree(root));
     }
     let sorted = |(_, mut supernodes): (usize, Vec<usize>)| {
         supernodes.sort_unstable();
@@ -199,17 +248,23 @@ fn cut(symbolic: &SymbolicSupernodalCholesky<usize>) -> (Vec<Vec<usize>>, Vec<us
 }
 
 impl Part {
-    /// Cuts the supernodes into tiles; `local` has the part's index for a row of the factor.
-    fn tile(&mut self, symbolic: &SymbolicSupernodalCholesky<usize>, local: impl Fn(usize) -> u32) {
-        let (mut column, mut values) = (0, 0);
-        for &s in &self.supernodes {
-            let pattern = symbolic.supernode(s).pattern();
+    /// Cuts supernodes into tiles; `local` has the part's index for a row of the factor.
+    fn tile(
+        &mut self,
+        elimination: &Elimination,
+        supernodes: &[usize],
+        values_at: &[usize],
+        local: impl Fn(usize) -> u32,
+    ) {
+        let mut column = 0;
+        for &s in supernodes {
+            let pattern = elimination.pattern(s);
             let first_below = self.below.len() as u32;
-            self.below.extend(pattern.iter().map(|&row| local(row)));
+            self.below.extend(pattern.iter().map(|&row| local(row as usize)));
             let below = [first_below, self.below.len() as u32];
-            let mut left = columns(symbolic, s).len();
-            while left > 0 {
-                let width = [8, 4, 2, 1].into_iter().find(|&width| width <= left).unwrap_or(1);
+            let mut values = values_at[s];
+            let mut left = elimination.columns(s).len();
+            for width in widths(left) {
                 let inside = (left - width) as u32;
                 self.tiles.push(Tile { column, width: width as u32, inside, below, values });
                 values += width * (left + pattern.len());
@@ -217,32 +272,6 @@ impl Part {
                 left -= width;
             }
         }
-    }
-
-    fn pack(&self, symbolic: &SymbolicSupernodalCholesky<usize>, values: &[f64]) -> Vec<f64> {
-        let at = symbolic.col_ptr_for_val();
-        let mut packed = Vec::with_capacity(self.tiles.last().map_or(0, |tile| {
-            let [first, last] = tile.below;
-            tile.values + (tile.width * (tile.width + tile.inside + last - first)) as usize
-        }));
-        let mut tiles = self.tiles.iter();
-        for &s in &self.supernodes {
-            let values = &values[at[s]..at[s + 1]];
-            let count = columns(symbolic, s).len();
-            let height = values.len() / count;
-            let mut first = 0;
-            while first < count {
-                let width = tiles.next().map_or(count, |tile| tile.width as usize);
-                for row in first..height {
-                    for column in first..first + width {
-                        let value = values[column * height + row];
-                        packed.push(if row == column { value.recip() } else { value });
-                    }
-                }
-                first += width;
-            }
-        }
-        packed
     }
 
     fn run(&self, values: &[f64], x: &mut [Row], direction: Direction) {
