@@ -86,14 +86,11 @@ impl Front {
         Ok((0..self.columns).filter(|&j| self.column(j)[j] < 0.0).count())
     }
 
-    /// The lower triangle of what is not eliminated, by columns.
-    pub fn rest(&self) -> Vec<f64> {
-        let below = self.height - self.columns;
-        let mut rest = Vec::with_capacity(below * (below + 1) / 2);
+    /// Appends the lower triangle of what is not eliminated, by columns.
+    pub fn rest(&self, to: &mut Vec<f64>) {
         for j in self.columns..self.height {
-            rest.extend_from_slice(&self.column(j)[j..self.height]);
+            to.extend_from_slice(&self.column(j)[j..self.height]);
         }
-        rest
     }
 }
 
@@ -238,7 +235,8 @@ mod tests {
             let negative = front.eliminate().unwrap();
             assert_eq!(negative, (0..columns).filter(|i| i % 3 == 1).count());
             let r = |i: usize, k: usize| if i == k { 1.0 } else { front.column(k)[i] };
-            let rest = front.rest();
+            let mut rest = Vec::new();
+            front.rest(&mut rest);
             let mut at = 0;
             for j in 0..n {
                 for i in j..n {

@@ -62,10 +62,11 @@ pub fn factorise<T: Taker>(
             let children = unit.children.iter().filter_map(|&child| left[child].take()).collect();
             ready.extend(takers[u].take().map(|taker| (u, children, taker)));
         }
-        let run = |(u, children, taker): (usize, _, T)| {
-            Ok((u, matrix.eliminate(&units[u].supernodes, children, taker)?))
+        let run = |room: &mut Room, (u, children, taker): (usize, Vec<Left>, T)| {
+            Ok((u, matrix.eliminate(&units[u].supernodes, &children, taker, room)?))
         };
-        let done: Result<Vec<_>, BadPivot> = ready.into_par_iter().map(run).collect();
+        let done: Result<Vec<_>, BadPivot> =
+            ready.into_par_iter().map_init(Room::default, run).collect();
         done?.into_iter().for_each(|(u, rest)| left[u] = Some(rest));
     }
     Ok(left.iter().flatten().map(|left| left.negative).sum())
@@ -131,6 +132,16 @@ struct Left {
     negative: usize,
 }
 
+/// What a thread works in.
+#[derive(Default)]
+struct Room {
+    front: Front,
+    /// What the subtrees within a run have left, the latest last.
+    stack: Vec<f64>,
+    /// The rows of a child in its parent.
+    places: Vec<u32>,
+}
+
 /// L − σB in elimination order.
 struct Shifted<'a> {
     pencil: Pencil<'a>,
@@ -139,34 +150,48 @@ struct Shifted<'a> {
 }
 
 impl Shifted<'_> {
-    /// Eliminates a run of supernodes that ends with the root of a subtree. `left` is what the children of the first
-    /// supernode left.
+    /// Eliminates a run of supernodes that ends with the root of a subtree. `children` are those of the first supernode.
     fn eliminate<T: Taker>(
         &self,
         supernodes: &Range<usize>,
-        mut left: Vec<Left>,
+        children: &[Left],
         mut taker: T,
+        room: &mut Room,
     ) -> Result<Left, BadPivot> {
-        let mut front = Front::default();
-        let mut places = Vec::new();
+        let mut negative: usize = children.iter().map(|left| left.negative).sum();
+        // The supernodes whose rest is on the stack, and where it begins.
+        let mut waiting: Vec<(usize, usize)> = Vec::new();
+        room.stack.clear();
         for s in supernodes.clone() {
+            let Room { front, stack, places } = &mut *room;
             front.reset(self.elimination.columns(s).len(), self.elimination.pattern(s).len());
-            self.assemble(s, &mut front);
-            let own = left.len() - self.elimination.children(s).count();
-            let mut negative = 0;
-            for child in left.drain(own..) {
-                places.clear();
-                let rows = self.elimination.pattern(child.root).iter();
-                places.extend(rows.map(|&row| self.place(s, row)));
-                front.add(&places, &child.values);
-                negative += child.negative;
+            self.assemble(s, front);
+            for left in children.iter().filter(|_| s == supernodes.start) {
+                self.add(s, left.root, &left.values, front, places);
             }
+            let within = self.elimination.subtree(s).start.max(supernodes.start);
+            let own = waiting.partition_point(|&(child, _)| child < within);
+            let bottom = waiting.get(own).map_or(stack.len(), |&(_, start)| start);
+            for (k, &(child, start)) in waiting.iter().enumerate().skip(own) {
+                let end = waiting.get(k + 1).map_or(stack.len(), |&(_, next)| next);
+                self.add(s, child, &stack[start..end], front, places);
+            }
+            waiting.truncate(own);
+            stack.truncate(bottom);
             let first = self.elimination.columns(s).start;
             negative += front.eliminate().map_err(|column| BadPivot(first + column))?;
-            taker.take(s, &front);
-            left.push(Left { root: s, values: front.rest(), negative });
+            taker.take(s, front);
+            waiting.push((s, bottom));
+            front.rest(stack);
         }
-        Ok(left.pop().expect("a run of supernodes is not empty"))
+        Ok(Left { root: supernodes.end - 1, values: room.stack.clone(), negative })
+    }
+
+    /// Adds what the subtree of a child has left.
+    fn add(&self, s: usize, child: usize, values: &[f64], front: &mut Front, rows: &mut Vec<u32>) {
+        rows.clear();
+        rows.extend(self.elimination.pattern(child).iter().map(|&row| self.place(s, row)));
+        front.add(rows, values);
     }
 
     /// The entries of L − σB in the columns of a supernode.
