@@ -9,6 +9,7 @@
 
 use std::ops::Range;
 
+use crossbeam::queue::SegQueue;
 use rayon::prelude::*;
 
 use super::Pencil;
@@ -53,6 +54,8 @@ pub fn factorise<T: Taker>(
     let matrix = Shifted { pencil, sigma, elimination };
     let units = units(elimination);
     let mut takers = split(taker, &units);
+    // As many as threads have been at work at once.
+    let rooms: SegQueue<Room> = SegQueue::new();
     // What a unit has left, until its parent uses it.
     let mut left: Vec<Option<Left>> = units.iter().map(|_| None).collect();
     let levels = units.iter().map(|unit| unit.level + 1).max().unwrap_or(0);
@@ -62,11 +65,13 @@ pub fn factorise<T: Taker>(
             let children = unit.children.iter().filter_map(|&child| left[child].take()).collect();
             ready.extend(takers[u].take().map(|taker| (u, children, taker)));
         }
-        let run = |room: &mut Room, (u, children, taker): (usize, Vec<Left>, T)| {
-            Ok((u, matrix.eliminate(&units[u].supernodes, &children, taker, room)?))
+        let run = |(u, children, taker): (usize, Vec<Left>, T)| {
+            let mut room = rooms.pop().unwrap_or_default();
+            let left = matrix.eliminate(&units[u].supernodes, &children, taker, &mut room)?;
+            rooms.push(room);
+            Ok((u, left))
         };
-        let done: Result<Vec<_>, BadPivot> =
-            ready.into_par_iter().map_init(Room::default, run).collect();
+        let done: Result<Vec<_>, BadPivot> = ready.into_par_iter().map(run).collect();
         done?.into_iter().for_each(|(u, rest)| left[u] = Some(rest));
     }
     Ok(left.iter().flatten().map(|left| left.negative).sum())
