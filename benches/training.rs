@@ -53,7 +53,7 @@ fn steps(c: &mut Criterion) {
     for (members, vertices) in [(10, 144), (4, 500)] {
         let family = family(members, vertices);
         let recipe = Ritz {
-            shape: TrunkShape { inputs: 3, width: WIDTH, layers: LAYERS, iterations: 1 },
+            shape: TrunkShape { width: WIDTH, layers: LAYERS, ..Ritz::default().shape },
             batch: members,
             shards: SHARDS,
             ..Ritz::default()

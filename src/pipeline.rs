@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use crate::ggnn::features::Normalise;
-use crate::ggnn::network::{Ranges, TrunkShape};
+use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
+use crate::ggnn::ops::activation::Activation;
 use crate::ggnn::{features, recipe::Ritz};
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::FamilyRecipe;
@@ -63,14 +64,20 @@ pub struct Train {
     pub seed: u64,
     /// h_f: hidden features.
     pub width: usize,
-    /// H: SGGC layers.
+    /// H: hidden layers.
     pub layers: usize,
+    /// What a hidden layer is: `sggc` (29), `gcn` or `gat`.
+    pub layer: Layer,
     /// I: iterations of (29) in a layer.
     pub iterations: usize,
-    /// γ₁: the encoder's weights start in [−γ₁, γ₁].
+    /// `sin`, `tanh` or `relu`, in the encoder and in every layer.
+    pub activation: Activation,
+    /// γ₁: the encoder's weights start in [−γ₁, γ₁] or [0, γ₁].
     pub encoder_range: f64,
-    /// γ₂: the hidden weights start in [−γ₂, γ₂].
+    /// γ₂: the hidden weights start in [−γ₂, γ₂] or [0, γ₂].
     pub hidden_range: f64,
+    /// Which of them: `symmetric`, with phases in [−π, π], or `positive`, with phases in [0, γ₁].
+    pub initial_weights: Interval,
     /// Adam steps for a block.
     pub steps: usize,
     /// Family members in one step.
@@ -105,9 +112,12 @@ impl Default for Train {
             seed: 0,
             width: shape.width,
             layers: shape.layers,
+            layer: shape.layer,
             iterations: shape.iterations,
+            activation: shape.activation,
             encoder_range: ranges.encoder,
             hidden_range: ranges.hidden,
+            initial_weights: ranges.interval,
             steps,
             batch,
             learning_rate,
@@ -126,14 +136,29 @@ impl Train {
                 width: self.width,
                 layers: self.layers,
                 iterations: self.iterations,
+                layer: self.layer,
+                activation: self.activation,
             },
-            ranges: Ranges { encoder: self.encoder_range, hidden: self.hidden_range },
+            ranges: Ranges {
+                encoder: self.encoder_range,
+                hidden: self.hidden_range,
+                interval: self.initial_weights,
+            },
             steps: self.steps,
             batch: self.batch,
             learning_rate: self.learning_rate,
             ridge: self.ridge,
             shards: self.shards,
         }
+    }
+
+    fn check_layer(&self) -> Result<(), PipelineError> {
+        if self.layer == Layer::Sggc || self.iterations == 1 {
+            return Ok(());
+        }
+        let value = self.iterations.to_string();
+        let rule = "only \"sggc\" layers iterate; set train.iterations = 1 beside train.layer = \"gcn\" or \"gat\"";
+        Err(PipelineError::Value { key: "train.iterations", value, rule })
     }
 }
 
@@ -310,6 +335,7 @@ impl Pipeline {
     pub fn check(&self) -> Result<(), PipelineError> {
         self.check_operators()?;
         self.verify.check_step()?;
+        self.train.check_layer()?;
         let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
         for (key, value) in [
             ("train.k", k),
@@ -527,6 +553,25 @@ mod tests {
         assert!(parse("[train]\nk = \"many\"", &[]).unwrap_err().to_string().contains("line 2"));
         assert!(parse("", &["train.k"]).unwrap_err().to_string().contains("KEY=VALUE"));
         assert!(parse("", &["verify.angle_tolerance=nan"]).is_err());
+    }
+
+    #[test]
+    fn layers_and_activations_go_by_name_and_only_sggc_iterates() {
+        let options =
+            "[train]\nlayer = \"gat\"\nactivation = \"relu\"\ninitial_weights = \"positive\"";
+        let recipe = parse(options, &[]).unwrap().train.recipe();
+        assert_eq!(recipe.shape.layer, Layer::Gat);
+        assert_eq!(recipe.shape.activation, Activation::Relu);
+        assert_eq!(recipe.ranges.interval, Interval::Positive);
+        let message = |set: &[&str]| parse("", set).unwrap_err().to_string();
+        let refused = message(&["train.layer=gcn", "train.iterations=2"]);
+        assert!(refused.starts_with("train.iterations = 2: only \"sggc\" layers"), "{refused}");
+        assert!(parse("", &["train.iterations=2"]).is_ok());
+        let unknown = message(&["train.layer=gin"]);
+        assert!(
+            ["gin", "sggc", "gcn", "gat"].iter().all(|name| unknown.contains(name)),
+            "{unknown}"
+        );
     }
 
     #[test]
