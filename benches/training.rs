@@ -87,7 +87,7 @@ fn steps(c: &mut Criterion) {
 
 fn family(members: usize, vertices: usize) -> Vec<Member> {
     let mesh = spot();
-    let recipe = FamilyRecipe { members, vertices, ..FamilyRecipe::default() };
+    let recipe = FamilyRecipe { members, vertices: vertices.into(), ..FamilyRecipe::default() };
     let family = Family::of(&mesh, &recipe).expect("spot simplifies");
     let member = |mesh: &TriMesh| {
         let operators =

@@ -12,7 +12,7 @@ use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
 use crate::ggnn::{features, recipe::Ritz};
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
-use crate::remesh::FamilyRecipe;
+use crate::remesh::{FamilyRecipe, Operation, Resolution};
 use crate::spectrum::mpgd::Stopping;
 pub use mpgd_step::MpgdStep;
 
@@ -261,6 +261,9 @@ const LARGEST: [(&str, usize); 6] = [
     ("family.members", 10_000),
 ];
 
+/// More would make meshes of hundreds of times the size.
+const MOST_SUBDIVISIONS: usize = 3;
+
 /// Why a pipeline cannot be run. Each message says where and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PipelineError {
@@ -362,11 +365,7 @@ impl Pipeline {
                 return Err(PipelineError::Value { key, value: value.to_string(), rule });
             }
         }
-        if self.family.vertices < 4 {
-            let value = self.family.vertices.to_string();
-            let rule = "a closed surface has at least 4 vertices";
-            return Err(PipelineError::Value { key: "family.vertices", value, rule });
-        }
+        self.check_family()?;
         for (key, value) in [
             ("train.learning_rate", self.train.learning_rate),
             ("train.encoder_range", self.train.encoder_range),
@@ -385,11 +384,41 @@ impl Pipeline {
             ("train.hidden_range", self.train.hidden_range),
             ("train.ridge", self.train.ridge),
             ("family.jitter", self.family.jitter),
+            ("family.perturbation", self.family.perturbation),
+            ("family.flips", self.family.flips),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
                 let rule = "must not be negative";
                 return Err(PipelineError::Value { key, value: value.to_string(), rule });
             }
+        }
+        Ok(())
+    }
+
+    fn check_family(&self) -> Result<(), PipelineError> {
+        let FamilyRecipe { operations, vertices, flips, .. } = &self.family;
+        let refuse = |key, value: String, rule| Err(PipelineError::Value { key, value, rule });
+        let Resolution { fewest, most } = *vertices;
+        if fewest < 4 {
+            let rule = "a closed surface has at least 4 vertices";
+            return refuse("family.vertices", fewest.to_string(), rule);
+        }
+        if fewest > most {
+            let rule = "write the smaller number first";
+            return refuse("family.vertices", format!("[{fewest}, {most}]"), rule);
+        }
+        if operations.is_empty() {
+            let rule = "name what makes a variant, such as \"simplify\"; family.members = 1 trains on the mesh alone";
+            return refuse("family.operations", "[]".into(), rule);
+        }
+        let subdivisions = operations.iter().filter(|&&o| o == Operation::Subdivide).count();
+        if subdivisions > MOST_SUBDIVISIONS {
+            let rule = "each makes four triangles of one; \"subdivide\" at most three times";
+            return refuse("family.operations", format!("{subdivisions} × subdivide"), rule);
+        }
+        if *flips > 1.0 {
+            let rule = "is the share of edges that are tried, at most 1";
+            return refuse("family.flips", flips.to_string(), rule);
         }
         Ok(())
     }
@@ -572,6 +601,25 @@ mod tests {
             ["gin", "sggc", "gcn", "gat"].iter().all(|name| unknown.contains(name)),
             "{unknown}"
         );
+    }
+
+    #[test]
+    fn a_family_is_a_list_of_operations_and_a_number_of_vertices_or_a_range() {
+        let text = "[family]\noperations = [\"subdivide\", \"flip\"]\nvertices = [400, 800]";
+        let family = parse(text, &[]).unwrap().family;
+        assert_eq!(family.operations, [Operation::Subdivide, Operation::Flip]);
+        assert_eq!(family.vertices, Resolution { fewest: 400, most: 800 });
+        assert_eq!(parse("", &["family.vertices=620"]).unwrap(), Pipeline::default());
+        let message = |set: &str| parse("", &[set]).unwrap_err().to_string();
+        assert!(message("family.vertices=3").starts_with("family.vertices = 3: a closed"));
+        assert!(message("family.vertices=[9, 8]").contains("the smaller number first"));
+        assert!(message("family.operations=[]").contains("family.members = 1"));
+        assert!(message("family.flips=2").contains("at most 1"));
+        assert!(message("family.vertices=few").contains("the range [fewest, most]"));
+        let four = "family.operations=[\"subdivide\", \"subdivide\", \"subdivide\", \"subdivide\"]";
+        assert!(message(four).starts_with("family.operations = 4 × subdivide"));
+        let unknown = message("family.operations=[\"smooth\"]");
+        assert!(unknown.contains("smooth") && unknown.contains("perturb"), "{unknown}");
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! - [`topology`]: pieces, boundary, Euler characteristic, defects
 //! - [`closest`]: the point of a surface closest to a point of space
 //! - [`geodesic`]: distances along the surface
+//! - [`subdivide`]: every triangle becomes four
 //! - [`ingest`]: from a file to all of these, through `read` (one file a format), `raw` and [`repair`]
 //! - [`error`]: why a file did not become a mesh
 //! - [`sample`]: surfaces with known spectra
@@ -18,6 +19,7 @@ mod raw;
 mod read;
 pub mod repair;
 pub mod sample;
+pub mod subdivide;
 pub mod topology;
 pub mod trimesh;
 
