@@ -53,7 +53,7 @@ fn steps(c: &mut Criterion) {
     for (members, vertices) in [(10, 144), (4, 500)] {
         let family = family(members, vertices);
         let recipe = Ritz {
-            shape: TrunkShape { inputs: 3, width: WIDTH, layers: LAYERS, iterations: 1 },
+            shape: TrunkShape { width: WIDTH, layers: LAYERS, ..Ritz::default().shape },
             batch: members,
             shards: SHARDS,
             ..Ritz::default()
@@ -87,7 +87,7 @@ fn steps(c: &mut Criterion) {
 
 fn family(members: usize, vertices: usize) -> Vec<Member> {
     let mesh = spot();
-    let recipe = FamilyRecipe { members, vertices, ..FamilyRecipe::default() };
+    let recipe = FamilyRecipe { members, vertices: vertices.into(), ..FamilyRecipe::default() };
     let family = Family::of(&mesh, &recipe).expect("spot simplifies");
     let member = |mesh: &TriMesh| {
         let operators =

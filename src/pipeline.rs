@@ -8,10 +8,11 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use crate::ggnn::features::Normalise;
-use crate::ggnn::network::{Ranges, TrunkShape};
+use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
+use crate::ggnn::ops::activation::Activation;
 use crate::ggnn::{features, recipe::Ritz};
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
-use crate::remesh::FamilyRecipe;
+use crate::remesh::{FamilyRecipe, Operation, Resolution};
 use crate::spectrum::mpgd::Stopping;
 pub use mpgd_step::MpgdStep;
 
@@ -63,14 +64,20 @@ pub struct Train {
     pub seed: u64,
     /// h_f: hidden features.
     pub width: usize,
-    /// H: SGGC layers.
+    /// H: hidden layers.
     pub layers: usize,
+    /// What a hidden layer is: `sggc` (29), `gcn` or `gat`.
+    pub layer: Layer,
     /// I: iterations of (29) in a layer.
     pub iterations: usize,
-    /// γ₁: the encoder's weights start in [−γ₁, γ₁].
+    /// `sin`, `tanh` or `relu`, in the encoder and in every layer.
+    pub activation: Activation,
+    /// γ₁: the encoder's weights start in [−γ₁, γ₁] or [0, γ₁].
     pub encoder_range: f64,
-    /// γ₂: the hidden weights start in [−γ₂, γ₂].
+    /// γ₂: the hidden weights start in [−γ₂, γ₂] or [0, γ₂].
     pub hidden_range: f64,
+    /// Which of them: `symmetric`, with phases in [−π, π], or `positive`, with phases in [0, γ₁].
+    pub initial_weights: Interval,
     /// Adam steps for a block.
     pub steps: usize,
     /// Family members in one step.
@@ -105,9 +112,12 @@ impl Default for Train {
             seed: 0,
             width: shape.width,
             layers: shape.layers,
+            layer: shape.layer,
             iterations: shape.iterations,
+            activation: shape.activation,
             encoder_range: ranges.encoder,
             hidden_range: ranges.hidden,
+            initial_weights: ranges.interval,
             steps,
             batch,
             learning_rate,
@@ -126,14 +136,29 @@ impl Train {
                 width: self.width,
                 layers: self.layers,
                 iterations: self.iterations,
+                layer: self.layer,
+                activation: self.activation,
             },
-            ranges: Ranges { encoder: self.encoder_range, hidden: self.hidden_range },
+            ranges: Ranges {
+                encoder: self.encoder_range,
+                hidden: self.hidden_range,
+                interval: self.initial_weights,
+            },
             steps: self.steps,
             batch: self.batch,
             learning_rate: self.learning_rate,
             ridge: self.ridge,
             shards: self.shards,
         }
+    }
+
+    fn check_layer(&self) -> Result<(), PipelineError> {
+        if self.layer == Layer::Sggc || self.iterations == 1 {
+            return Ok(());
+        }
+        let value = self.iterations.to_string();
+        let rule = "only \"sggc\" layers iterate; set train.iterations = 1 beside train.layer = \"gcn\" or \"gat\"";
+        Err(PipelineError::Value { key: "train.iterations", value, rule })
     }
 }
 
@@ -236,6 +261,9 @@ const LARGEST: [(&str, usize); 6] = [
     ("family.members", 10_000),
 ];
 
+/// More would make meshes of hundreds of times the size.
+const MOST_SUBDIVISIONS: usize = 3;
+
 /// Why a pipeline cannot be run. Each message says where and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PipelineError {
@@ -310,6 +338,7 @@ impl Pipeline {
     pub fn check(&self) -> Result<(), PipelineError> {
         self.check_operators()?;
         self.verify.check_step()?;
+        self.train.check_layer()?;
         let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
         for (key, value) in [
             ("train.k", k),
@@ -336,11 +365,7 @@ impl Pipeline {
                 return Err(PipelineError::Value { key, value: value.to_string(), rule });
             }
         }
-        if self.family.vertices < 4 {
-            let value = self.family.vertices.to_string();
-            let rule = "a closed surface has at least 4 vertices";
-            return Err(PipelineError::Value { key: "family.vertices", value, rule });
-        }
+        self.check_family()?;
         for (key, value) in [
             ("train.learning_rate", self.train.learning_rate),
             ("train.encoder_range", self.train.encoder_range),
@@ -359,11 +384,41 @@ impl Pipeline {
             ("train.hidden_range", self.train.hidden_range),
             ("train.ridge", self.train.ridge),
             ("family.jitter", self.family.jitter),
+            ("family.perturbation", self.family.perturbation),
+            ("family.flips", self.family.flips),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
                 let rule = "must not be negative";
                 return Err(PipelineError::Value { key, value: value.to_string(), rule });
             }
+        }
+        Ok(())
+    }
+
+    fn check_family(&self) -> Result<(), PipelineError> {
+        let FamilyRecipe { operations, vertices, flips, .. } = &self.family;
+        let refuse = |key, value: String, rule| Err(PipelineError::Value { key, value, rule });
+        let Resolution { fewest, most } = *vertices;
+        if fewest < 4 {
+            let rule = "a closed surface has at least 4 vertices";
+            return refuse("family.vertices", fewest.to_string(), rule);
+        }
+        if fewest > most {
+            let rule = "write the smaller number first";
+            return refuse("family.vertices", format!("[{fewest}, {most}]"), rule);
+        }
+        if operations.is_empty() {
+            let rule = "name what makes a variant, such as \"simplify\"; family.members = 1 trains on the mesh alone";
+            return refuse("family.operations", "[]".into(), rule);
+        }
+        let subdivisions = operations.iter().filter(|&&o| o == Operation::Subdivide).count();
+        if subdivisions > MOST_SUBDIVISIONS {
+            let rule = "each makes four triangles of one; \"subdivide\" at most three times";
+            return refuse("family.operations", format!("{subdivisions} × subdivide"), rule);
+        }
+        if *flips > 1.0 {
+            let rule = "is the share of edges that are tried, at most 1";
+            return refuse("family.flips", flips.to_string(), rule);
         }
         Ok(())
     }
@@ -527,6 +582,44 @@ mod tests {
         assert!(parse("[train]\nk = \"many\"", &[]).unwrap_err().to_string().contains("line 2"));
         assert!(parse("", &["train.k"]).unwrap_err().to_string().contains("KEY=VALUE"));
         assert!(parse("", &["verify.angle_tolerance=nan"]).is_err());
+    }
+
+    #[test]
+    fn layers_and_activations_go_by_name_and_only_sggc_iterates() {
+        let options =
+            "[train]\nlayer = \"gat\"\nactivation = \"relu\"\ninitial_weights = \"positive\"";
+        let recipe = parse(options, &[]).unwrap().train.recipe();
+        assert_eq!(recipe.shape.layer, Layer::Gat);
+        assert_eq!(recipe.shape.activation, Activation::Relu);
+        assert_eq!(recipe.ranges.interval, Interval::Positive);
+        let message = |set: &[&str]| parse("", set).unwrap_err().to_string();
+        let refused = message(&["train.layer=gcn", "train.iterations=2"]);
+        assert!(refused.starts_with("train.iterations = 2: only \"sggc\" layers"), "{refused}");
+        assert!(parse("", &["train.iterations=2"]).is_ok());
+        let unknown = message(&["train.layer=gin"]);
+        assert!(
+            ["gin", "sggc", "gcn", "gat"].iter().all(|name| unknown.contains(name)),
+            "{unknown}"
+        );
+    }
+
+    #[test]
+    fn a_family_is_a_list_of_operations_and_a_number_of_vertices_or_a_range() {
+        let text = "[family]\noperations = [\"subdivide\", \"flip\"]\nvertices = [400, 800]";
+        let family = parse(text, &[]).unwrap().family;
+        assert_eq!(family.operations, [Operation::Subdivide, Operation::Flip]);
+        assert_eq!(family.vertices, Resolution { fewest: 400, most: 800 });
+        assert_eq!(parse("", &["family.vertices=620"]).unwrap(), Pipeline::default());
+        let message = |set: &str| parse("", &[set]).unwrap_err().to_string();
+        assert!(message("family.vertices=3").starts_with("family.vertices = 3: a closed"));
+        assert!(message("family.vertices=[9, 8]").contains("the smaller number first"));
+        assert!(message("family.operations=[]").contains("family.members = 1"));
+        assert!(message("family.flips=2").contains("at most 1"));
+        assert!(message("family.vertices=few").contains("the range [fewest, most]"));
+        let four = "family.operations=[\"subdivide\", \"subdivide\", \"subdivide\", \"subdivide\"]";
+        assert!(message(four).starts_with("family.operations = 4 × subdivide"));
+        let unknown = message("family.operations=[\"smooth\"]");
+        assert!(unknown.contains("smooth") && unknown.contains("perturb"), "{unknown}");
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub struct TrainingRecord {
 /// The weights of one block and how they came about.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
-    /// The sizes of the trunk.
+    /// The sizes and functions of the trunk.
     pub shape: TrunkShape,
     /// The trunk's weights, see [`Trunk::weights`].
     pub weights: Vec<Vec<f32>>,

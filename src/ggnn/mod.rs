@@ -2,7 +2,7 @@
 //!
 //! - [`ops`]: the differentiable operations
 //! - [`features`]: what the network reads at every vertex
-//! - [`network`]: encoder and SGGC layers, (27)–(29)
+//! - [`network`]: encoder and hidden layers, (27)–(29)
 //! - [`deflation`]: keeping a function away from the earlier eigenfunctions
 //! - [`head`]: the decoder, solved by Rayleigh–Ritz
 //! - [`sample`]: what training works on

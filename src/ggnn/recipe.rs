@@ -3,12 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::features::COORDINATES;
-use super::network::{Ranges, TrunkShape};
+use super::network::{Interval, Layer, Ranges, TrunkShape};
+use super::ops::activation::Activation;
 
 /// Recipe `ritz`: the head is solved, Adam trains the trunk on the Rayleigh quotient.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Ritz {
-    /// The trunk's sizes.
+    /// The trunk's sizes and functions.
     pub shape: TrunkShape,
     /// Its initial weights.
     pub ranges: Ranges,
@@ -29,8 +30,15 @@ impl Default for Ritz {
     /// The values that `docs/training.md` arrives at.
     fn default() -> Self {
         Self {
-            shape: TrunkShape { inputs: COORDINATES, width: 128, layers: 4, iterations: 1 },
-            ranges: Ranges { encoder: 4.0, hidden: 0.005 },
+            shape: TrunkShape {
+                inputs: COORDINATES,
+                width: 128,
+                layers: 4,
+                iterations: 1,
+                layer: Layer::Sggc,
+                activation: Activation::Sin,
+            },
+            ranges: Ranges { encoder: 4.0, hidden: 0.005, interval: Interval::Symmetric },
             steps: 100,
             batch: 2,
             learning_rate: 6e-3,

@@ -11,10 +11,9 @@ use crossbeam::channel::{Receiver, Sender, bounded};
 use dfdx::prelude::*;
 
 use super::head::{Grams, Head};
-use super::network::Trunk;
+use super::network::{Prepared, Trunk};
 use super::ops::rayleigh::{Quotient, rayleigh};
 use super::ops::real::add;
-use super::ops::sggc::Mixing;
 use super::ops::{Matrix, entries};
 use super::sample::Sample;
 
@@ -108,10 +107,10 @@ fn serve(
         let delivered = match order {
             Order::Forward { trunk: newest, members } => {
                 taped.clear();
-                let mixings = newest.mixings();
+                let layers = newest.prepared();
                 let mut sum = Grams::zeros(newest.shape().width);
                 for sample in members.into_iter().map(|member| &samples[member]) {
-                    taped.push((sample, forward(sample, &newest, &mixings, &device, &mut sum)));
+                    taped.push((sample, forward(sample, &newest, &layers, &device, &mut sum)));
                 }
                 trunk = Some(newest);
                 grams_out.send(sum).is_ok()
@@ -140,12 +139,12 @@ fn serve(
 fn forward(
     sample: &Sample,
     trunk: &Trunk<f32>,
-    mixings: &[Mixing<f32>],
+    layers: &[Prepared<f32>],
     device: &Cpu,
     sum: &mut Grams,
 ) -> Taped {
     let x = sample.input.tensor(device).put_tape(OwnedTape::default());
-    let features = trunk.forward_with(mixings, x, &sample.input.graph);
+    let features = trunk.forward_with(layers, x, &sample.input.graph);
     let (stiffness, mass) = (&sample.stiffness, &sample.mass);
     sum.include(&entries(&features), stiffness, mass, &sample.pencil.deflation);
     features

@@ -3,17 +3,23 @@
 //! - [`trimesh`]: the canonical, validated mesh that all other folders work on
 //! - [`hash`]: its content hash
 //! - [`topology`]: pieces, boundary, Euler characteristic, defects
+//! - [`closest`]: the point of a surface closest to a point of space
+//! - [`geodesic`]: distances along the surface
+//! - [`subdivide`]: every triangle becomes four
 //! - [`ingest`]: from a file to all of these, through `read` (one file a format), `raw` and [`repair`]
 //! - [`error`]: why a file did not become a mesh
 //! - [`sample`]: surfaces with known spectra
 
+pub mod closest;
 pub mod error;
+pub mod geodesic;
 pub mod hash;
 pub mod ingest;
 mod raw;
 mod read;
 pub mod repair;
 pub mod sample;
+pub mod subdivide;
 pub mod topology;
 pub mod trimesh;
 

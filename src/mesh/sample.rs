@@ -1,14 +1,13 @@
 //! Sample surfaces whose spectra are known in closed form.
 
-use std::collections::HashMap;
-
+use super::subdivide::subdivide;
 use super::trimesh::{TriMesh, norm};
 
 /// The unit sphere: an icosahedron whose faces are split in four `levels` times, vertices pushed onto the
 /// sphere. Has 10·4^levels + 2 vertices. Spectrum of S²: l(l+1) with multiplicity 2l+1.
 pub fn icosphere(levels: u32) -> TriMesh {
     let t = (1.0 + 5.0_f64.sqrt()) / 2.0;
-    let mut vertices: Vec<[f64; 3]> = [
+    let vertices: Vec<[f64; 3]> = [
         [-1., t, 0.],
         [1., t, 0.],
         [-1., -t, 0.],
@@ -24,7 +23,7 @@ pub fn icosphere(levels: u32) -> TriMesh {
     ]
     .map(onto_sphere)
     .to_vec();
-    let mut faces: Vec<[u32; 3]> = vec![
+    let faces: Vec<[u32; 3]> = vec![
         [0, 11, 5],
         [0, 5, 1],
         [0, 1, 7],
@@ -46,23 +45,16 @@ pub fn icosphere(levels: u32) -> TriMesh {
         [8, 6, 7],
         [9, 8, 1],
     ];
+    let mut mesh = TriMesh::new(vertices, faces).expect("an icosahedron is a valid mesh");
     for _ in 0..levels {
-        let mut midpoints = HashMap::new();
-        let mut midpoint = |a: u32, b: u32| {
-            *midpoints.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                let (p, q) = (vertices[a as usize], vertices[b as usize]);
-                vertices.push(onto_sphere(std::array::from_fn(|i| p[i] + q[i])));
-                (vertices.len() - 1) as u32
-            })
-        };
-        let mut finer = Vec::with_capacity(4 * faces.len());
-        for [a, b, c] in faces {
-            let (ab, bc, ca) = (midpoint(a, b), midpoint(b, c), midpoint(c, a));
-            finer.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
-        }
-        faces = finer;
+        let corners = mesh.n();
+        let finer = subdivide(&mesh);
+        let mut vertices = finer.vertices().to_vec();
+        vertices[corners..].iter_mut().for_each(|p| *p = onto_sphere(*p));
+        mesh = TriMesh::new(vertices, finer.faces().to_vec())
+            .expect("a subdivided icosahedron is a valid mesh");
     }
-    TriMesh::new(vertices, faces).expect("a subdivided icosahedron is a valid mesh")
+    mesh
 }
 
 fn onto_sphere(p: [f64; 3]) -> [f64; 3] {

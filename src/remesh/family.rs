@@ -4,29 +4,64 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::flip::flip;
+use super::perturb::perturb;
+use super::resolution::Resolution;
 use super::simplify::simplify;
-use crate::mesh::trimesh::{dot, sub, triangle_area};
+use super::thickness::thinnest;
+use crate::mesh::closest::ClosestPoint;
+use crate::mesh::subdivide::subdivide;
+use crate::mesh::trimesh::InvalidMesh;
 use crate::mesh::{Topology, TriMesh};
 
 /// Which variants to make.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FamilyRecipe {
     /// How many meshes; 1 is the mesh itself.
     pub members: usize,
-    /// About how many vertices each; at most three quarters of the mesh's own. A mesh that has no more than this
-    /// itself is its own family: coarser variants of it would be another shape.
-    pub vertices: usize,
+    /// What is done to the mesh for every variant, in this order.
+    pub operations: Vec<Operation>,
+    /// About how many vertices `simplify` leaves, one number or a range to draw from; at most three quarters of those
+    /// that there are. A mesh that has no more than this itself is not simplified: coarser variants of it would be
+    /// another shape.
+    pub vertices: Resolution,
     /// How far vertices move, in mean edge lengths, while the collapses are chosen.
     pub jitter: f64,
-    /// Seeds the perturbations.
+    /// How far `perturb` moves vertices, in mean lengths of their edges.
+    pub perturbation: f64,
+    /// The share of edges that `flip` tries.
+    pub flips: f64,
+    /// Seeds all of this.
     pub seed: u64,
+}
+
+/// A change of the sampling that keeps the surface, or nearly so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Operation {
+    /// Fewer vertices, see [`super::simplify`].
+    Simplify,
+    /// Vertices elsewhere on the surface, see [`super::perturb`].
+    Perturb,
+    /// Other triangles between the same vertices, see [`super::flip`].
+    Flip,
+    /// Four triangles for every one, see [`crate::mesh::subdivide`].
+    Subdivide,
 }
 
 impl Default for FamilyRecipe {
     /// The values that `docs/training.md` arrives at; on a mesh of fewer vertices the cap on their share rules.
     fn default() -> Self {
-        Self { members: 8, vertices: 620, jitter: 0.3, seed: 0 }
+        Self {
+            members: 8,
+            operations: vec![Operation::Simplify],
+            vertices: 620.into(),
+            jitter: 0.3,
+            perturbation: 0.3,
+            flips: 0.2,
+            seed: 0,
+        }
     }
 }
 
@@ -42,10 +77,10 @@ pub struct Family {
 pub enum FamilyError {
     /// No draw kept components, boundary loops and Euler characteristic with triangles of some thickness.
     #[error(
-        "none of {draws} simplifications to {vertices} vertices and more kept the topology of the mesh without \
-         collapsed triangles; set family.members = 1 to train on the mesh alone"
+        "none of {draws} variants kept the topology of the mesh without collapsed triangles; raise family.vertices, \
+         leave out one of family.operations, or set family.members = 1 to train on the mesh alone"
     )]
-    Topology { draws: usize, vertices: usize },
+    Topology { draws: usize },
 }
 
 /// Draws before a member is given up.
@@ -65,47 +100,66 @@ impl Family {
     /// Makes the family of `mesh`.
     ///
     /// Every member has its own random stream, so that member i does not depend on how many others there are. Draws
-    /// that fail are followed by gentler ones: less jitter, more vertices.
+    /// that fail are followed by gentler ones: smaller moves, fewer flips, more vertices.
     ///
     /// # Errors
     /// [`FamilyError::Topology`] when no draw for some member keeps the topology.
     pub fn of(mesh: &TriMesh, recipe: &FamilyRecipe) -> Result<Self, FamilyError> {
-        if recipe.members <= 1 || mesh.n() <= recipe.vertices {
+        if recipe.members <= 1 || recipe.leaves_alone(mesh) {
             return Ok(Self { members: vec![mesh.clone()] });
         }
-        let vertices = recipe.vertices.min((LARGEST_SHARE * mesh.n() as f64) as usize);
         let wanted = kind(mesh);
         let thin = THINNEST.min(0.1 * thinnest(mesh));
+        let surface = ClosestPoint::on(mesh);
         let members = (0..recipe.members as u64)
             .map(|member| {
                 let mut rng = ChaCha8Rng::seed_from_u64(recipe.seed);
                 rng.set_stream(member);
+                let vertices = recipe.vertices.draw(&mut rng);
                 (0..DRAWS)
                     .filter_map(|draw| {
                         // 0 for the first draws, then 1, 2, …
                         let gentler = (draw / DRAWS_AS_ASKED) as i32;
-                        let kept = 1.0 - 0.5_f64.powi(gentler);
-                        let vertices = vertices + (kept * (mesh.n() - vertices) as f64) as usize;
-                        let jitter = recipe.jitter * 0.25_f64.powi(gentler);
-                        simplify(mesh, vertices, jitter, &mut rng).ok()
+                        recipe.variant(mesh, &surface, vertices, gentler, &mut rng).ok()
                     })
                     .find(|variant| kind(variant) == wanted && thinnest(variant) >= thin)
-                    .ok_or(FamilyError::Topology { draws: DRAWS, vertices })
+                    .ok_or(FamilyError::Topology { draws: DRAWS })
             })
             .collect::<Result<_, _>>()?;
         Ok(Self { members })
     }
 }
 
-/// The smallest ratio of area to squared longest edge over all triangles: √3/4 for equilateral ones, 0 for
-/// collapsed ones.
-fn thinnest(mesh: &TriMesh) -> f64 {
-    let ratio = |face: &[u32; 3]| {
-        let corners @ [a, b, c] = mesh.corners(*face);
-        let longest = [sub(a, b), sub(b, c), sub(c, a)].map(|edge| dot(edge, edge));
-        triangle_area(corners) / longest.into_iter().fold(f64::MIN_POSITIVE, f64::max)
-    };
-    mesh.faces().iter().map(ratio).fold(f64::INFINITY, f64::min)
+impl FamilyRecipe {
+    /// Whether nothing would be done to `mesh`.
+    fn leaves_alone(&self, mesh: &TriMesh) -> bool {
+        let simplified = mesh.n() > self.vertices.fewest;
+        !self.operations.iter().any(|&operation| operation != Operation::Simplify || simplified)
+    }
+
+    /// One draw of a variant, `gentler` times gentler than asked for.
+    fn variant(
+        &self,
+        mesh: &TriMesh,
+        surface: &ClosestPoint<'_>,
+        vertices: usize,
+        gentler: i32,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<TriMesh, InvalidMesh> {
+        let strength = 0.25_f64.powi(gentler);
+        self.operations.iter().try_fold(mesh.clone(), |mesh, operation| match operation {
+            Operation::Simplify if mesh.n() <= self.vertices.fewest => Ok(mesh),
+            Operation::Simplify => {
+                let vertices = vertices.min((LARGEST_SHARE * mesh.n() as f64) as usize);
+                let kept = 1.0 - 0.5_f64.powi(gentler);
+                let vertices = vertices + (kept * (mesh.n() - vertices) as f64) as usize;
+                simplify(&mesh, vertices, strength * self.jitter, rng)
+            }
+            Operation::Perturb => Ok(perturb(&mesh, surface, strength * self.perturbation, rng)),
+            Operation::Flip => Ok(flip(&mesh, strength * self.flips, rng)),
+            Operation::Subdivide => Ok(subdivide(&mesh)),
+        })
+    }
 }
 
 /// What a variant must share with its mesh: components, boundary loops, Euler characteristic.
@@ -120,7 +174,7 @@ mod tests {
     use crate::mesh::sample::icosphere;
 
     fn recipe(members: usize) -> FamilyRecipe {
-        FamilyRecipe { members, vertices: 120, jitter: 0.3, seed: 5 }
+        FamilyRecipe { members, vertices: 120.into(), seed: 5, ..FamilyRecipe::default() }
     }
 
     #[test]
@@ -151,6 +205,56 @@ mod tests {
         let spot = crate::mesh::load("tests/data/meshes/spot_829.obj".as_ref()).unwrap().mesh;
         let family = Family::of(&spot, &FamilyRecipe { seed: 16, ..Default::default() }).unwrap();
         assert!(family.members.iter().all(|member| thinnest(member) >= THINNEST));
+    }
+
+    const ALL: [Operation; 4] =
+        [Operation::Subdivide, Operation::Simplify, Operation::Perturb, Operation::Flip];
+
+    #[test]
+    fn every_operation_keeps_the_topology_and_nearly_the_area() {
+        let mesh = icosphere(2);
+        for operations in ALL.map(|operation| vec![operation]).into_iter().chain([ALL.to_vec()]) {
+            let recipe = FamilyRecipe { operations, ..recipe(3) };
+            let family = Family::of(&mesh, &recipe).unwrap();
+            assert_eq!(family, Family::of(&mesh, &recipe).unwrap(), "a seed repeats");
+            let few = Family::of(&mesh, &FamilyRecipe { members: 2, ..recipe.clone() }).unwrap();
+            assert_eq!(few.members, family.members[..2], "{recipe:?}");
+            for member in &family.members {
+                assert_eq!(kind(member), kind(&mesh));
+                assert!(Topology::of(member).is_manifold() && Topology::of(member).is_oriented());
+                assert_ne!(*member, mesh, "{recipe:?}");
+                assert!(thinnest(member) > 0.01, "{recipe:?}: {}", thinnest(member));
+                let ratio = member.area().0 / mesh.area().0;
+                assert!((0.95..1.01).contains(&ratio), "{recipe:?}: {ratio}");
+            }
+        }
+    }
+
+    #[test]
+    fn members_may_have_various_numbers_of_vertices() {
+        let range = Resolution { fewest: 60, most: 140 };
+        let recipe = FamilyRecipe { vertices: range, ..recipe(6) };
+        let family = Family::of(&icosphere(2), &recipe).unwrap();
+        let mut counts: Vec<usize> = family.members.iter().map(TriMesh::n).collect();
+        assert!(counts.iter().all(|n| (55..=130).contains(n)), "{counts:?}");
+        counts.sort_unstable();
+        counts.dedup();
+        assert!(counts.len() >= 4, "{counts:?}");
+    }
+
+    #[test]
+    fn a_small_mesh_has_a_family_of_its_own_resolution_and_of_finer_ones() {
+        let mesh = icosphere(1);
+        for (operations, n) in [
+            (vec![Operation::Perturb], 42..=42),
+            (ALL.to_vec(), 110..=122),
+            (vec![Operation::Subdivide], 162..=162),
+        ] {
+            let recipe = FamilyRecipe { operations, ..recipe(2) };
+            for member in Family::of(&mesh, &recipe).unwrap().members {
+                assert!(n.contains(&member.n()), "{recipe:?}: {}", member.n());
+            }
+        }
     }
 
     #[test]

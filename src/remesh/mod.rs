@@ -1,9 +1,18 @@
 //! Variants of a mesh: what one model is trained on.
 //!
-//! - [`simplify`]: one variant with fewer vertices
+//! - [`simplify`]: fewer vertices
+//! - [`perturb`]: vertices elsewhere on the surface
+//! - [`flip`]: other triangles between the same vertices
+//! - [`thickness`]: which triangles are too thin
+//! - [`resolution`]: how many vertices
 //! - [`family`]: a seeded set of variants that keep the topology
 
 pub mod family;
+pub mod flip;
+pub mod perturb;
+pub mod resolution;
 pub mod simplify;
+pub mod thickness;
 
-pub use family::{Family, FamilyError, FamilyRecipe};
+pub use family::{Family, FamilyError, FamilyRecipe, Operation};
+pub use resolution::Resolution;

@@ -3,7 +3,8 @@
 use rkyv::{Archive, Deserialize, Serialize};
 
 use crate::ggnn::block::{Block, TrainingRecord};
-use crate::ggnn::network::TrunkShape;
+use crate::ggnn::network::{Layer, TrunkShape};
+use crate::ggnn::ops::activation::Activation;
 use crate::mesh::trimesh::InvalidMesh;
 use crate::mesh::{Area, TriMesh};
 use crate::operators::intrinsic::Remedies;
@@ -27,7 +28,7 @@ macro_rules! artifact {
 
 artifact!(FamilyArtifact, "remesh", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
-artifact!(BlockArtifact, "train", version 1, schema 1);
+artifact!(BlockArtifact, "train", version 1, schema 2);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 2, schema 2);
 artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
@@ -157,8 +158,8 @@ fn quality_of((min_angle_degrees, negative, crossed, remedies): QualityParts) ->
 /// One trained block.
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
 pub struct BlockArtifact {
-    /// inputs, width, layers, iterations.
-    shape: [u32; 4],
+    /// inputs, width, layers, iterations; the places in [`Layer::ALL`] and [`Activation::ALL`].
+    shape: [u32; 6],
     weights: Vec<Vec<f32>>,
     head: Vec<f64>,
     history: Vec<f64>,
@@ -168,9 +169,10 @@ pub struct BlockArtifact {
 
 impl From<&Block> for BlockArtifact {
     fn from(block: &Block) -> Self {
-        let TrunkShape { inputs, width, layers, iterations } = block.shape;
+        let TrunkShape { inputs, width, layers, iterations, layer, activation } = block.shape;
+        let sizes = [inputs, width, layers, iterations, layer as usize, activation as usize];
         Self {
-            shape: [inputs, width, layers, iterations].map(|size| size as u32),
+            shape: sizes.map(|size| size as u32),
             weights: block.weights.clone(),
             head: block.head.clone(),
             history: block.record.history.clone(),
@@ -182,9 +184,11 @@ impl From<&Block> for BlockArtifact {
 
 impl From<BlockArtifact> for Block {
     fn from(artifact: BlockArtifact) -> Self {
-        let [inputs, width, layers, iterations] = artifact.shape.map(|size| size as usize);
+        let [inputs, width, layers, iterations, layer, activation] =
+            artifact.shape.map(|size| size as usize);
+        let (layer, activation) = (Layer::ALL[layer], Activation::ALL[activation]);
         Self {
-            shape: TrunkShape { inputs, width, layers, iterations },
+            shape: TrunkShape { inputs, width, layers, iterations, layer, activation },
             weights: artifact.weights,
             head: artifact.head,
             record: TrainingRecord {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::Failure;
 use super::artifacts::FamilyArtifact;
 use super::assemble::Assembled;
-use super::context::{Context, Work};
+use super::context::{Context, Work, canonical};
 use crate::flow::Panicked;
-use crate::remesh::{Family, FamilyRecipe};
+use crate::remesh::Family;
 use crate::store::Digest;
 
 /// A mesh with its family.
@@ -31,15 +31,13 @@ pub fn remesh(
     mut assembled: Assembled,
 ) -> Result<Familied, Failure> {
     let loaded = &mut assembled.loaded;
-    let recipe @ FamilyRecipe { members, vertices, jitter, seed } = context.pipeline.family;
+    let recipe = &context.pipeline.family;
     let work = Work::<FamilyArtifact>::of_stage()
-        .param("members", members.to_string())
-        .param("vertices", vertices.to_string())
-        .param("jitter", jitter.to_string())
+        .param("recipe", canonical(recipe))
         .input("mesh", &loaded.digest())
-        .seeded(seed, "f32");
+        .seeded(recipe.seed, "f32");
     let recalled = context.recall(item, work, || {
-        Ok(FamilyArtifact::from(&Family::of(&loaded.ingested.mesh, &recipe)?))
+        Ok(FamilyArtifact::from(&Family::of(&loaded.ingested.mesh, recipe)?))
     })?;
     loaded.spent("remesh", recalled.how, recalled.spent);
     let family = Family::try_from(recalled.artifact).map_err(|invalid| Panicked {

@@ -1,7 +1,8 @@
-//! ENC of (28): x ↦ sin(x w_inᵀ + b_in).
+//! ENC of (28): x ↦ σ(x w_inᵀ + b_in), with σ = sin in the paper.
 
 use dfdx::prelude::*;
 
+use super::activation::{Activated, Activation};
 use super::real::{Real, add, gemm, multiply, view};
 use super::{Matrix, entries};
 
@@ -10,6 +11,7 @@ pub fn encode<E: Real, T: Tape<E, Cpu>>(
     x: Matrix<E, T>,
     w: &Matrix<E>,
     b: &Matrix<E>,
+    activation: Activation,
 ) -> Matrix<E, T> {
     let (x, mut tape) = x.split_tape();
     let &(n, d) = x.shape();
@@ -18,13 +20,12 @@ pub fn encode<E: Real, T: Tape<E, Cpu>>(
     let mut phase = Vec::with_capacity(n * h);
     (0..n).for_each(|_| phase.extend_from_slice(&bs));
     gemm(&mut phase, view(&xs, n, d), view(&ws, h, d).transpose(), faer::Accum::Add);
-    let (mut sin, mut cos) = (vec![E::default(); n * h], vec![E::default(); n * h]);
-    E::sin_cos_all(&phase, &mut sin, &mut cos);
-    let out = x.device().tensor_from_vec(sin, (n, h));
+    let Activated { values, slopes } = activation.apply(&phase);
+    let out = x.device().tensor_from_vec(values, (n, h));
     let (out_ghost, x_ghost, w_ghost, b_ghost) = (out.ghost(), x.ghost(), w.ghost(), b.ghost());
     tape.add_backward_op(move |grads| {
         let mut d_phase = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
-        multiply(&cos, &mut d_phase);
+        multiply(&slopes, &mut d_phase);
         let d_phase_view = view(&d_phase, n, h);
         gemm(grads.get_or_alloc_mut(&w_ghost)?, d_phase_view.transpose(), view(&xs, n, d), ADD);
         let d_b = grads.get_or_alloc_mut(&b_ghost)?;
@@ -47,16 +48,18 @@ mod tests {
     #[test]
     fn gradients_match_finite_differences() {
         let (n, d, h) = (7, 3, 5);
-        check(&[values(n * d, 1), values(h * d, 2), values(h, 3)], |dev, p, tape| {
-            let x = dev.tensor_from_vec(p[0].clone(), (n, d));
-            let w = dev.tensor_from_vec(p[1].clone(), (h, d));
-            let b = dev.tensor_from_vec(p[2].clone(), (1, h));
-            let y = encode(x.clone().put_tape(tape), &w, &b);
-            let loss = weighted_sum(y);
-            (
-                loss,
-                Box::new(move |g| vec![g.get(&x).as_vec(), g.get(&w).as_vec(), g.get(&b).as_vec()]),
-            )
-        });
+        for activation in Activation::ALL {
+            check(&[values(n * d, 1), values(h * d, 2), values(h, 3)], |dev, p, tape| {
+                let x = dev.tensor_from_vec(p[0].clone(), (n, d));
+                let w = dev.tensor_from_vec(p[1].clone(), (h, d));
+                let b = dev.tensor_from_vec(p[2].clone(), (1, h));
+                let y = encode(x.clone().put_tape(tape), &w, &b, activation);
+                let loss = weighted_sum(y);
+                let read = move |g: &Gradients<f64, Cpu>| {
+                    vec![g.get(&x).as_vec(), g.get(&w).as_vec(), g.get(&b).as_vec()]
+                };
+                (loss, Box::new(read))
+            });
+        }
     }
 }

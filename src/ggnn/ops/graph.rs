@@ -32,6 +32,12 @@ impl<E: Real> Graph<E> {
         self.forward.pointers.len() - 1
     }
 
+    /// The columns of the entries of one row, ascending: the neighbours of a vertex, for an adjacency.
+    pub fn neighbours(&self, row: usize) -> &[u32] {
+        let Rows { pointers, columns, .. } = &self.forward;
+        &columns[pointers[row]..pointers[row + 1]]
+    }
+
     /// W x for row-major x, n×h; `write(i, row)` places row i.
     pub fn for_each_row(&self, x: &[E], h: usize, write: impl FnMut(usize, &[E])) {
         self.forward.for_each_row(x, h, 0..h, write);

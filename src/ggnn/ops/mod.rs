@@ -5,12 +5,17 @@
 //!
 //! - [`real`]: the scalar types, dense products, sine and cosine in bulk
 //! - [`graph`]: sparse times dense
+//! - [`activation`]: the functions between layers
 //! - [`encoder`]: ENC of (28)
 //! - [`sggc`]: the SGGC layer of (29)
+//! - [`gcn`], [`gat`]: the layers that the paper compares it with
 //! - [`rayleigh`]: the Rayleigh quotient of a solved head, what `ritz` trains on
 //! - [`losses`]: the paper's loss terms (24)–(26)
 
+pub mod activation;
 pub mod encoder;
+pub mod gat;
+pub mod gcn;
 pub mod graph;
 pub mod losses;
 pub mod rayleigh;

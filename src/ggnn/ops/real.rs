@@ -11,6 +11,8 @@ pub trait Real: Dtype + faer::traits::RealField {
     fn round(x: f64) -> Self;
     /// Widens to double precision.
     fn wide(self) -> f64;
+    /// tanh x.
+    fn tanh(self) -> Self;
     /// sin and cos of every entry of `x`. All slices have the same length.
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]);
 }
@@ -21,6 +23,9 @@ impl Real for f64 {
     }
     fn wide(self) -> f64 {
         self
+    }
+    fn tanh(self) -> Self {
+        f64::tanh(self)
     }
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
         for (x, (sin, cos)) in x.iter().zip(sin.iter_mut().zip(cos)) {
@@ -35,6 +40,9 @@ impl Real for f32 {
     }
     fn wide(self) -> f64 {
         f64::from(self)
+    }
+    fn tanh(self) -> Self {
+        f32::tanh(self)
     }
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
         Arch::new().dispatch(

@@ -1,4 +1,4 @@
-//! The SGGC layer of (29): x ↦ sin(x^I) with x^{i+1} = x^i − [x^i w₁ᵀ + 2 (I − W) x^i w₂ᵀ].
+//! The SGGC layer of (29): x ↦ σ(x^I), σ = sin in the paper, with x^{i+1} = x^i − [x^i w₁ᵀ + 2 (I − W) x^i w₂ᵀ].
 //!
 //! One iteration is a single dense product: x^{i+1} = [x^i | W x^i] M with M = [I − w₁ᵀ − 2w₂ᵀ ; 2w₂ᵀ], 2h×h.
 //! Backward, with P the gradient of x^{i+1}: dMᵀ = Pᵀ [x | Wx], and [dx | u] = P Mᵀ with Wᵀu added to dx.
@@ -9,6 +9,7 @@ use dfdx::prelude::*;
 use faer::Accum;
 use pulp::Arch;
 
+use super::activation::{Activated, Activation};
 use super::graph::Graph;
 use super::real::{Real, add, gemm, multiply, view};
 use super::{Matrix, entries};
@@ -43,6 +44,7 @@ pub fn sggc<E: Real, T: Tape<E, Cpu>>(
     graph: &Arc<Graph<E>>,
     mixing: &Mixing<E>,
     iterations: usize,
+    activation: Activation,
 ) -> Matrix<E, T> {
     let (x, mut tape) = x.split_tape();
     let &(n, h) = x.shape();
@@ -57,15 +59,14 @@ pub fn sggc<E: Real, T: Tape<E, Cpu>>(
             inputs.push(joined);
         }
     }
-    let (mut sin, mut cos) = (vec![E::default(); n * h], vec![E::default(); n * h]);
-    E::sin_cos_all(&state, &mut sin, &mut cos);
-    let out = x.device().tensor_from_vec(sin, (n, h));
+    let Activated { values, slopes } = activation.apply(&state);
+    let out = x.device().tensor_from_vec(values, (n, h));
     let (out_ghost, x_ghost) = (out.ghost(), x.ghost());
     let (w1_ghost, w2_ghost) = (mixing.w1.ghost(), mixing.w2.ghost());
     let (graph, matrix) = (graph.clone(), mixing.matrix.clone());
     tape.add_backward_op(move |grads| {
         let mut gradient = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
-        multiply(&cos, &mut gradient);
+        multiply(&slopes, &mut gradient);
         let mut d_matrix = vec![E::default(); 2 * h * h];
         let mut d_joined = vec![E::default(); n * 2 * h];
         for joined in inputs.iter().rev() {
@@ -150,7 +151,8 @@ mod tests {
                 let x = dev.tensor_from_vec(p[0].clone(), (n, H));
                 let [w1, w2] = [1, 2].map(|i| dev.tensor_from_vec(p[i].clone(), (H, H)));
                 let mixing = Mixing::new(&w1, &w2);
-                let y = sggc(x.clone().put_tape(tape), &graph, &mixing, iterations);
+                let y =
+                    sggc(x.clone().put_tape(tape), &graph, &mixing, iterations, Activation::Sin);
                 let loss = weighted_sum(y);
                 (
                     loss,
@@ -181,7 +183,13 @@ mod tests {
         }
         let dev = Cpu::default();
         let [w1, w2] = [w1, w2].map(|w| dev.tensor_from_vec(w, (H, H)));
-        let y = sggc(dev.tensor_from_vec(x, (n, H)), &graph, &Mixing::new(&w1, &w2), 1);
+        let y = sggc(
+            dev.tensor_from_vec(x, (n, H)),
+            &graph,
+            &Mixing::new(&w1, &w2),
+            1,
+            Activation::Sin,
+        );
         for (found, phase) in y.as_vec().iter().zip(expected) {
             assert!((found - phase.sin()).abs() < 1e-13);
         }
