@@ -13,7 +13,7 @@ use super::ops::rayleigh::deflated_prediction;
 use crate::operators::Sparse;
 use crate::spectrum::Dense;
 use crate::spectrum::eigenpairs::{normalise, orient};
-use crate::spectrum::pencil::column_mut;
+use crate::spectrum::pencil::{InnerProduct, column_mut};
 
 /// What the network reads of one mesh.
 #[derive(Debug, Clone)]
@@ -52,7 +52,7 @@ impl NetworkInput {
 pub fn predict_next(
     block: &Block,
     input: &NetworkInput,
-    mass: &Sparse,
+    mass: &impl InnerProduct,
     earlier: &Dense,
 ) -> Vec<f64> {
     let features = block.trunk().forward(input.tensor(&Cpu::default()), &input.graph).as_vec();
@@ -68,7 +68,7 @@ pub fn predict_all<'b>(
     known: &Dense,
     blocks: impl ExactSizeIterator<Item = &'b Block>,
     input: &NetworkInput,
-    mass: &Sparse,
+    mass: &impl InnerProduct,
 ) -> Dense {
     let c = known.ncols();
     let mut phi = Dense::zeros(known.nrows(), c + blocks.len());
