@@ -10,6 +10,7 @@ use super::family::network_input;
 use super::reference;
 use super::train::{InTraining, TrainedBlock};
 use crate::flow::events::How;
+use crate::ggnn::Block;
 use crate::ggnn::predict::predict_all;
 use crate::pipeline::Method;
 use crate::spectrum::Dense;
@@ -81,11 +82,11 @@ pub fn predict(
     let recalled = context.recall(item, work.seeded(0, "f32"), || {
         let operators = &assembled.operators;
         let input = network_input(context, &assembled.loaded.ingested.mesh, operators);
-        let blocks = blocks.iter().map(|trained| &*trained.block);
+        let blocks: Vec<&Block> = blocks.iter().map(|trained| &*trained.block).collect();
         let problem = assembled.problem(context.pipeline.operators.boundary)?;
         let zeros = problem.nullspace();
         let zeros = zeros.subcols(0, zeros.ncols().min(k)).to_owned();
-        Ok((&predict_all(&zeros, blocks, &input, &operators.mass)).into())
+        Ok((&predict_all(&zeros, &blocks, &input, &operators.mass)).into())
     })?;
     assembled.loaded.spent("predict", recalled.how, started.elapsed());
     Ok(Candidates {
