@@ -2,12 +2,13 @@
 //!
 //! - [`exit`]: the exit codes, which are part of the contract
 //! - [`logging`]: what goes to stderr
-//! - `run`, `solve`, `info`, `cache`: the commands
+//! - `run`, `solve`, `predict`, `model`, `info`, `cache`: the commands
 
 mod cache;
 pub mod exit;
 mod info;
 mod logging;
+mod model;
 mod run;
 mod solve;
 
@@ -34,6 +35,9 @@ enum Command {
     Solve(solve::Arguments),
     /// Say what ingest sees of a mesh: counts, topology, defects, hash
     Info(info::Arguments),
+    /// Look after models: trained blocks that can predict on other samplings of a shape
+    #[command(subcommand)]
+    Model(model::Command),
     /// Look after the cache
     #[command(subcommand)]
     Cache(cache::Command),
@@ -64,6 +68,7 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run::execute(arguments),
         Command::Solve(arguments) => solve::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
+        Command::Model(command) => model::execute(&command),
         Command::Cache(command) => cache::execute(&command),
     };
     exit.unwrap_or_else(|refusal| {

@@ -5,9 +5,8 @@
 use faer::Side;
 use faer::linalg::solvers::Solve;
 
-use crate::operators::Sparse;
 use crate::spectrum::Dense;
-use crate::spectrum::pencil::{column, combine, inner, product};
+use crate::spectrum::pencil::{InnerProduct, column, combine, inner};
 
 /// P for a set Φ of functions on one mesh, n×k.
 #[derive(Debug, Clone)]
@@ -19,8 +18,8 @@ pub struct Deflation {
 
 impl Deflation {
     /// Deflates the columns of `phi` in the inner product of `mass`.
-    pub fn new(mass: &Sparse, phi: Dense) -> Self {
-        let b_phi = product(mass, &phi);
+    pub fn new(mass: &impl InnerProduct, phi: Dense) -> Self {
+        let b_phi = mass.product(&phi);
         let gram = inner(&phi, &b_phi);
         let inverse = match gram.llt(Side::Lower) {
             Ok(factor) => factor.solve(Dense::identity(gram.nrows(), gram.nrows())),

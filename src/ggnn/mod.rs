@@ -10,11 +10,14 @@
 //! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
 //! - [`block`]: what training makes
 //! - [`predict`]: forward passes on any mesh
+//! - [`model`]: a chain of blocks as a file, and which meshes it fits; [`likeness`]: whether they lie as the trained shape
 
 pub mod block;
 pub mod deflation;
 pub mod features;
 pub mod head;
+pub mod likeness;
+pub mod model;
 pub mod network;
 pub mod ops;
 pub mod predict;
@@ -24,3 +27,4 @@ pub mod shards;
 pub mod train;
 
 pub use block::Block;
+pub use model::Model;

@@ -1,19 +1,21 @@
 //! Prediction: forward passes on a mesh that training may never have seen.
 //!
-//! Needs coordinates, adjacency and vertex areas of the mesh; no stiffness.
+//! Needs coordinates, adjacency and an inner product on the mesh, which vertex areas give; no stiffness.
 
 use std::sync::Arc;
 
 use dfdx::prelude::*;
+use rayon::prelude::*;
 
 use super::block::Block;
 use super::deflation::Deflation;
+use super::ops::entries;
 use super::ops::graph::Graph;
-use super::ops::rayleigh::deflated_prediction;
+use super::ops::rayleigh::decode;
 use crate::operators::Sparse;
 use crate::spectrum::Dense;
 use crate::spectrum::eigenpairs::{normalise, orient};
-use crate::spectrum::pencil::column_mut;
+use crate::spectrum::pencil::{InnerProduct, column_mut};
 
 /// What the network reads of one mesh.
 #[derive(Debug, Clone)]
@@ -52,30 +54,60 @@ impl NetworkInput {
 pub fn predict_next(
     block: &Block,
     input: &NetworkInput,
-    mass: &Sparse,
+    mass: &impl InnerProduct,
     earlier: &Dense,
 ) -> Vec<f64> {
-    let features = block.trunk().forward(input.tensor(&Cpu::default()), &input.graph).as_vec();
-    let deflation = Deflation::new(mass, earlier.clone());
-    let mut u = deflated_prediction(&features, &block.head, &deflation);
+    settled(forward(block, input), mass, earlier)
+}
+
+/// All eigenfunctions on a mesh: the `known` ones (constants, n×c), then one for every block. n×(c + blocks).
+///
+/// The forward passes do not depend on one another and run in parallel; deflation follows in the order of the blocks.
+pub fn predict_all(
+    known: &Dense,
+    blocks: &[&Block],
+    input: &NetworkInput,
+    mass: &impl InnerProduct,
+) -> Dense {
+    let c = known.ncols();
+    let mut phi = Dense::zeros(known.nrows(), c + blocks.len());
+    phi.subcols_mut(0, c).copy_from(known);
+    let mut k = c;
+    for together in blocks.chunks(at_once(blocks, input.n())) {
+        let outputs: Vec<Vec<f64>> =
+            together.par_iter().map(|block| forward(block, input)).collect();
+        for u in outputs {
+            let u = settled(u, mass, &phi.subcols(0, k).to_owned());
+            column_mut(&mut phi, k).copy_from_slice(&u);
+            k += 1;
+        }
+    }
+    phi
+}
+
+/// What a forward pass and the head make of a mesh, n.
+fn forward(block: &Block, input: &NetworkInput) -> Vec<f64> {
+    let features = block.trunk().forward(input.tensor(&Cpu::default()), &input.graph);
+    decode(&entries(&features), &block.head)
+}
+
+/// P u, scaled to unit B-norm, its sign fixed.
+fn settled(mut u: Vec<f64>, mass: &impl InnerProduct, earlier: &Dense) -> Vec<f64> {
+    Deflation::new(mass, earlier.clone()).apply(&mut u);
     normalise(&mut u, mass);
     orient(&mut u);
     u
 }
 
-/// All eigenfunctions on a mesh: the `known` ones (constants, n×c), then one for every block. n×(c + blocks).
-pub fn predict_all<'b>(
-    known: &Dense,
-    blocks: impl ExactSizeIterator<Item = &'b Block>,
-    input: &NetworkInput,
-    mass: &Sparse,
-) -> Dense {
-    let c = known.ncols();
-    let mut phi = Dense::zeros(known.nrows(), c + blocks.len());
-    phi.subcols_mut(0, c).copy_from(known);
-    for (i, block) in blocks.enumerate() {
-        let u = predict_next(block, input, mass, &phi.subcols(0, c + i).to_owned());
-        column_mut(&mut phi, c + i).copy_from_slice(&u);
-    }
-    phi
+/// What forward passes may hold at once, bytes: on a machine of many threads a large mesh would fill its memory.
+const MEMORY: usize = 4 << 30;
+
+/// A forward pass holds so many n×h matrices at its widest: state, [x | Wx], sine, cosine, output.
+const MATRICES: usize = 6;
+
+/// How many forward passes run at a time. The bits do not depend on it.
+fn at_once(blocks: &[&Block], n: usize) -> usize {
+    let widest = blocks.iter().map(|block| block.shape.width).max().unwrap_or(1);
+    let one = n.saturating_mul(widest).saturating_mul(MATRICES * size_of::<f32>());
+    (MEMORY / one.max(1)).clamp(1, blocks.len().max(1))
 }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 /// BLAKE3 over the counts, the positions (`f64`, little-endian) and the triangles, in their order.
 ///
 /// Two files that carry identical numbers share it, whatever their format, name, materials or comments.
@@ -50,6 +52,19 @@ impl fmt::Display for MeshHash {
 impl fmt::Debug for MeshHash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "MeshHash({self})")
+    }
+}
+
+/// As its hexadecimal text.
+impl Serialize for MeshHash {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for MeshHash {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
     }
 }
 

@@ -90,6 +90,20 @@ impl Operators {
     }
 }
 
+/// The triangles that L and B are sums over: those of the mesh, or with `robust` those of its mollified intrinsic
+/// Delaunay triangulation.
+///
+/// # Errors
+/// When a triangle has no angles: [`OperatorError`].
+pub fn triangles(mesh: &TriMesh, robust: bool) -> Result<Vec<Triangle>, OperatorError> {
+    if !robust {
+        return Triangle::of_mesh(mesh);
+    }
+    let edges = Pattern::of_mesh(mesh);
+    let (gluing, _) = Gluing::of(&edges, mesh.faces());
+    IntrinsicTriangulation::robust(mesh, &edges, gluing).0.triangles()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

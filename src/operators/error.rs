@@ -27,6 +27,12 @@ pub enum OperatorError {
         .vertices[0], .vertices[1], .vertices[2]
     )]
     Collapsed { vertices: [u32; 3] },
+    /// A form on the triangles was asked for of the graph Laplacian, which has edges alone.
+    #[error(
+        "the graph Laplacian knows edges and no triangles, so nothing can be summed over these; \
+         assemble its matrices, or choose \"cotangent\" or \"fem\""
+    )]
+    NoTriangles,
 }
 
 fn choices(laplacian: Laplacian) -> String {

@@ -36,13 +36,22 @@ impl MassKind {
 /// The mass matrix B, n×n, symmetric positive definite. Its entries sum to the area, in squared input units; those
 /// of [`MassKind::Degree`] to twice the number of edges. The pattern is that of the triangles.
 pub fn mass(kind: MassKind, pattern: &Pattern, triangles: &[Triangle]) -> Sparse {
-    let share = |share: fn(&Triangle) -> [f64; 3]| diagonal(shared(pattern.n(), triangles, share));
     match kind {
-        MassKind::Lumped => share(|triangle| [triangle.area / 3.0; 3]),
-        MassKind::Voronoi => share(voronoi_shares),
+        MassKind::Lumped => diagonal(lumped_areas(pattern.n(), triangles)),
+        MassKind::Voronoi => diagonal(voronoi_areas(pattern.n(), triangles)),
         MassKind::Consistent => consistent(pattern, triangles),
         MassKind::Degree => diagonal(pattern.degrees().collect()),
     }
+}
+
+/// b_i of [`MassKind::Lumped`], straight from the triangles. Length n.
+pub fn lumped_areas(n: usize, triangles: &[Triangle]) -> Vec<f64> {
+    shared(n, triangles, |triangle| [triangle.area / 3.0; 3])
+}
+
+/// b_i of [`MassKind::Voronoi`], straight from the triangles. Length n.
+pub fn voronoi_areas(n: usize, triangles: &[Triangle]) -> Vec<f64> {
+    shared(n, triangles, voronoi_shares)
 }
 
 /// What the corners of a triangle own of its area: the points nearest to each where no angle is obtuse, else a half

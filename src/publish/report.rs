@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::json::{document, null_is_nan, optional_hash};
+use super::json::{document, null_is_nan};
 use super::result::{Completeness, Eigenpair, Spectrum, Verdict};
 use crate::mesh::MeshHash;
 
@@ -126,7 +126,6 @@ pub struct MeshReport {
     /// The file, relative to the input that it was found under.
     pub path: String,
     /// The content hash; null when the file did not become a mesh.
-    #[serde(with = "optional_hash")]
     pub hash: Option<MeshHash>,
     /// The number of vertices; null for a failed mesh.
     pub vertices: Option<usize>,

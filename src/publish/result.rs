@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::json::{document, hash, null_is_nan};
+use super::json::{document, null_is_nan};
 use crate::mesh::{Area, Ingested, MeshHash, Repairs};
 use crate::operators::Quality;
 use crate::spectrum::certificate::{self, PairCertificate};
@@ -74,7 +74,6 @@ impl Verdict {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MeshSummary {
     /// The content hash.
-    #[serde(with = "hash")]
     pub hash: MeshHash,
     /// V, the number of vertices.
     pub vertices: usize,

@@ -2,8 +2,7 @@
 
 use super::Dense;
 use super::cluster::clusters;
-use super::pencil::{column, column_mut, combine, dot, quadratic};
-use crate::operators::Sparse;
+use super::pencil::{InnerProduct, column, column_mut, combine, dot};
 
 /// K eigenpairs of (8): ascending values in 1/(input unit)² and B-orthonormal vectors, n×K.
 #[derive(Debug, Clone)]
@@ -69,13 +68,13 @@ pub fn orient(x: &mut [f64]) {
 }
 
 /// Scales `x` to xᵀBx = 1.
-pub fn normalise(x: &mut [f64], mass: &Sparse) {
-    let scale = quadratic(mass, x).sqrt().recip();
+pub fn normalise(x: &mut [f64], mass: &impl InnerProduct) {
+    let scale = mass.square(x).sqrt().recip();
     x.iter_mut().for_each(|v| *v *= scale);
 }
 
 /// Scales every column to φᵀBφ = 1.
-pub fn normalise_columns(mass: &Sparse, x: &mut Dense) {
+pub fn normalise_columns(mass: &impl InnerProduct, x: &mut Dense) {
     for j in 0..x.ncols() {
         normalise(column_mut(x, j), mass);
     }

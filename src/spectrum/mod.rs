@@ -1,6 +1,7 @@
 //! Eigenpairs of Lφ = λBφ (8): reference solvers, and the certificate that judges any set of pairs.
 //!
 //! - [`pencil`]: the pair (L, B) and its products
+//! - [`matrix_free`]: the same products as sums over triangles
 //! - [`eigenpairs`]: values with vectors, their sign and their basis inside a cluster
 //! - [`cluster`]: which eigenvalues are compared as one subspace
 //! - [`rayleigh_ritz`]: small dense eigenproblems, and projection onto a subspace
@@ -26,6 +27,7 @@ pub mod fem;
 mod front;
 pub mod inertia;
 mod lanczos;
+pub mod matrix_free;
 pub mod mpgd;
 mod multifrontal;
 pub mod nullspace;
@@ -37,6 +39,7 @@ mod triangular;
 
 pub use certificate::Certificate;
 pub use eigenpairs::Eigenpairs;
+pub use matrix_free::TrianglePencil;
 pub use pencil::Pencil;
 pub use problem::Problem;
 

@@ -2,11 +2,11 @@
 
 use super::Dense;
 use super::eigenpairs::normalise_columns;
-use crate::operators::Sparse;
+use super::pencil::InnerProduct;
 
 /// The B-normalised indicators of the components, n×c, from every vertex's component label 0 … c−1. Components
 /// are numbered by their lowest vertex index, so that k = 1 … c are in that order.
-pub fn nullspace(labels: &[u32], mass: &Sparse) -> Dense {
+pub fn nullspace(labels: &[u32], mass: &impl InnerProduct) -> Dense {
     let components = labels.iter().max().map_or(0, |&last| last as usize + 1);
     let mut indicators = Dense::zeros(labels.len(), components);
     for (i, &label) in labels.iter().enumerate() {

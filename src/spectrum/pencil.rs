@@ -14,6 +14,34 @@ pub struct Pencil<'a> {
     pub mass: &'a Sparse,
 }
 
+/// A symmetric positive definite B, n×n, known by what it does to a function: a matrix, or a sum over triangles.
+pub trait InnerProduct {
+    /// y = B x.
+    fn apply(&self, x: &[f64], y: &mut [f64]);
+
+    /// xᵀBx.
+    fn square(&self, x: &[f64]) -> f64;
+
+    /// B X for a block of columns.
+    fn product(&self, x: &Dense) -> Dense {
+        let mut y = Dense::zeros(x.nrows(), x.ncols());
+        for j in 0..x.ncols() {
+            self.apply(column(x, j), column_mut(&mut y, j));
+        }
+        y
+    }
+}
+
+impl InnerProduct for Sparse {
+    fn apply(&self, x: &[f64], y: &mut [f64]) {
+        apply(self, x, y);
+    }
+
+    fn square(&self, x: &[f64]) -> f64 {
+        quadratic(self, x)
+    }
+}
+
 impl<'a> From<&'a Operators> for Pencil<'a> {
     fn from(operators: &'a Operators) -> Self {
         Self { stiffness: &operators.stiffness, mass: &operators.mass }

@@ -7,9 +7,10 @@ use super::artifacts::PredictionArtifact;
 use super::assemble::Assembled;
 use super::context::{Context, Recalled, Work, canonical};
 use super::family::network_input;
-use super::reference;
 use super::train::{InTraining, TrainedBlock};
+use super::{models, reference};
 use crate::flow::events::How;
+use crate::ggnn::Block;
 use crate::ggnn::predict::predict_all;
 use crate::pipeline::Method;
 use crate::spectrum::Dense;
@@ -81,12 +82,13 @@ pub fn predict(
     let recalled = context.recall(item, work.seeded(0, "f32"), || {
         let operators = &assembled.operators;
         let input = network_input(context, &assembled.loaded.ingested.mesh, operators);
-        let blocks = blocks.iter().map(|trained| &*trained.block);
+        let blocks: Vec<&Block> = blocks.iter().map(|trained| &*trained.block).collect();
         let problem = assembled.problem(context.pipeline.operators.boundary)?;
         let zeros = problem.nullspace();
         let zeros = zeros.subcols(0, zeros.ncols().min(k)).to_owned();
-        Ok((&predict_all(&zeros, blocks, &input, &operators.mass)).into())
+        Ok((&predict_all(&zeros, &blocks, &input, &operators.mass)).into())
     })?;
+    models::remember(context, assembled, known, blocks);
     assembled.loaded.spent("predict", recalled.how, started.elapsed());
     Ok(Candidates {
         vectors: recalled.artifact.into(),
@@ -108,14 +110,14 @@ pub fn solve(
     let k = context.pipeline.train.k;
     let (vectors, digest, how, spent, origin) = match context.pipeline.train.method {
         Method::Mpgd => {
-            let Recalled { artifact, digest, how, spent } =
+            let Recalled { artifact, digest, how, spent, .. } =
                 reference::mpgd(context, item, &assembled, k)?;
             let opinion = Box::new(SecondOpinion::from(artifact));
             let vectors = opinion.pairs.vectors.clone();
             (vectors, digest, how, spent, Origin::Mpgd { opinion, how })
         }
         Method::Fem | Method::LepDpinn => {
-            let Recalled { artifact, digest, how, spent } =
+            let Recalled { artifact, digest, how, spent, .. } =
                 reference::fem(context, item, &assembled)?;
             let reference = Box::new(Reference::from(artifact));
             let vectors = reference.pairs.vectors.subcols(0, k).to_owned();

@@ -58,6 +58,8 @@ impl Flights {
 pub struct Recalled<A> {
     /// The result.
     pub artifact: A,
+    /// Where the store has it.
+    pub key: CacheKey,
     /// Of its encoding.
     pub digest: Digest,
     /// Where it came from.
@@ -165,6 +167,7 @@ impl Context {
         if let Some(cached) = self.store.as_ref().and_then(|store| store.get::<A>(key)) {
             return Ok(Recalled {
                 artifact: cached.artifact,
+                key: *key,
                 digest: cached.digest,
                 how: How::Reused,
                 spent: started.elapsed(),
@@ -173,7 +176,7 @@ impl Context {
         self.stop_if_cancelled()?;
         let artifact = compute()?;
         let digest = self.keep(key, &artifact, started.elapsed())?;
-        Ok(Recalled { artifact, digest, how: How::Computed, spent: started.elapsed() })
+        Ok(Recalled { artifact, key: *key, digest, how: How::Computed, spent: started.elapsed() })
     }
 
     /// Ends the work on a mesh when the run is to stop.

@@ -8,6 +8,7 @@
 //! - [`context`]: what all stages share; recalling a result or computing it
 //! - [`artifacts`]: what the store keeps of each stage
 //! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`train`], [`verify`], [`publish`]: one stage each
+//! - [`models`]: trained chains of blocks by name
 //! - [`candidates`]: the stages `predict` and `solve`, which make what is verified
 //! - [`reference`]: what it is held against
 //! - [`verdict`]: a certificate against the tolerances
@@ -22,6 +23,7 @@ pub mod failure;
 pub mod family;
 pub mod ingest;
 pub mod intake;
+pub mod models;
 pub mod publish;
 pub mod reference;
 pub mod remesh;

@@ -18,7 +18,7 @@ use crate::ggnn::predict::predict_next;
 use crate::ggnn::sample::Sample;
 use crate::ggnn::train::{Observer, TrainError, train_block};
 use crate::spectrum::Dense;
-use crate::store::Digest;
+use crate::store::{CacheKey, Digest};
 
 /// A mesh whose first blocks are trained.
 #[derive(Debug, Clone)]
@@ -40,6 +40,8 @@ pub struct TrainedBlock {
     pub k: usize,
     /// The block.
     pub block: Arc<Block>,
+    /// Where the store has it.
+    pub key: CacheKey,
     /// Of the block.
     pub digest: Digest,
     /// Trained in this run or reused.
@@ -113,6 +115,7 @@ pub fn train(
     state.blocks.push(TrainedBlock {
         k,
         block: Arc::new(recalled.artifact.into()),
+        key: recalled.key,
         digest: recalled.digest,
         how: recalled.how,
         seconds: spent.as_secs_f64(),

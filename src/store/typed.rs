@@ -68,6 +68,16 @@ impl Store {
         let manifest = self.blobs().manifest(key).filter(is_of::<A>)?;
         Some(Peeked { digest: manifest.digest(), cost: manifest.cost() })
     }
+
+    /// The keys of all results of this type, in no order that means anything.
+    ///
+    /// # Errors
+    /// When the database cannot be read.
+    pub fn keys_of<A: Artifact>(&self) -> Result<Vec<CacheKey>, StoreError> {
+        let mut keys = self.blobs().keys()?;
+        keys.retain(|key| self.peek::<A>(key).is_some());
+        Ok(keys)
+    }
 }
 
 fn is_of<A: Artifact>(manifest: &Manifest) -> bool {

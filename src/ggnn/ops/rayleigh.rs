@@ -41,12 +41,17 @@ pub fn deflated_prediction<E: Real>(
     head: &[f64],
     deflation: &Deflation,
 ) -> Vec<f64> {
-    let mut u: Vec<f64> = features
-        .chunks_exact(head.len())
-        .map(|row| row.iter().zip(head).map(|(f, w)| f.wide() * w).sum())
-        .collect();
+    let mut u = decode(features, head);
     deflation.apply(&mut u);
     u
+}
+
+/// F w in double precision, n.
+pub fn decode<E: Real>(features: &[E], head: &[f64]) -> Vec<f64> {
+    features
+        .chunks_exact(head.len())
+        .map(|row| row.iter().zip(head).map(|(f, w)| f.wide() * w).sum())
+        .collect()
 }
 
 /// The share of one member in the linearised Rayleigh quotient; see the module's first lines.

@@ -1,0 +1,312 @@
+//! Models by name: what a training leaves in the store, and what is imported into it.
+//!
+//! The blocks of a training are in the store as they are trained. A model is a small entry beside them: its name, its
+//! description and the keys of its blocks. Its name is that of the mesh's file and eight digits of its first block's key, for
+//! example `spot_829-4f1c90ab`: another mesh, family, recipe or seed has another name; a larger K has the same, and takes
+//! the place of the smaller.
+
+use rkyv::{Archive, Deserialize, Serialize};
+
+use super::artifacts::BlockArtifact;
+use super::assemble::Assembled;
+use super::context::Context;
+use super::train::TrainedBlock;
+use crate::ggnn::model::{DeflationRule, Description, ModelFileError, TrainedMesh};
+use crate::ggnn::{Block, Model};
+use crate::pipeline::Pipeline;
+use crate::store::{Artifact, CacheKey, Digest, Store, StoreError};
+
+/// The ending of model files.
+pub const EXTENSION: &str = "safetensors";
+
+/// Digits of a key in a name.
+const SHORT_KEY: usize = 8;
+
+/// A model as the store keeps it.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct ModelArtifact {
+    name: String,
+    /// JSON.
+    description: String,
+    /// The keys of its blocks.
+    blocks: Vec<[u8; 32]>,
+}
+
+impl Artifact for ModelArtifact {
+    const STAGE: &'static str = "model";
+    const VERSION: u32 = 1;
+    const SCHEMA: u32 = 1;
+}
+
+/// Why there is no such model.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The file is none.
+    #[error(transparent)]
+    File(#[from] ModelFileError),
+    /// No model has this name, or begins with it.
+    #[error(
+        "no model of the cache is called {name:?}, or begins so ({}); `chladni run` leaves one for every mesh that it \
+         trains, `chladni model import` brings one in, and a path to a .{EXTENSION} file is taken as a file",
+        listing(.known)
+    )]
+    Unknown { name: String, known: Vec<String> },
+    /// Several models begin with this.
+    #[error("several models begin with {name:?}: {}; give more of the name", .matches.join(", "))]
+    Ambiguous { name: String, matches: Vec<String> },
+    /// A block has left the store.
+    #[error(
+        "the model {name} is no longer whole: its block for φ{k} has left the cache, or was damaged; run its pipeline \
+         again, which trains what is missing"
+    )]
+    Incomplete { name: String, k: usize },
+    /// Another model has the name.
+    #[error("another model is called {name}; choose a name with --name")]
+    Taken { name: String },
+    /// It cannot be a name.
+    #[error(
+        "{name:?} cannot be the name of a model: letters, digits, '.', '-' and '_', not ending in .{EXTENSION}; \
+         choose a name with --name"
+    )]
+    Name { name: String },
+    /// The description cannot be read.
+    #[error(
+        "the description of the model {name} cannot be read ({reason}); run its pipeline again"
+    )]
+    Description { name: String, reason: String },
+    /// The store refuses.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+fn listing(names: &[String]) -> String {
+    if names.is_empty() { "it has none".into() } else { format!("it has {}", names.join(", ")) }
+}
+
+/// A model of the store, without its weights.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Listed {
+    /// Its name.
+    pub name: String,
+    /// What it was trained on, and how.
+    pub description: Description,
+    /// K.
+    pub k: usize,
+    /// Whether the store has all its blocks.
+    pub whole: bool,
+}
+
+/// Whether `reference` means a file: it ends as one, or has folders.
+pub fn is_file(reference: &str) -> bool {
+    reference.contains(['/', '\\']) || reference.ends_with(&format!(".{EXTENSION}"))
+}
+
+/// All models of a store, by name.
+///
+/// # Errors
+/// When the database cannot be read.
+pub fn list(store: &Store) -> Result<Vec<Listed>, ModelError> {
+    entries(store)?.into_iter().map(|entry| listed(store, entry)).collect()
+}
+
+/// The model called `name`, or the only one whose name begins so; with its whole name.
+///
+/// # Errors
+/// [`ModelError`].
+pub fn load(store: &Store, name: &str) -> Result<(String, Model), ModelError> {
+    let ModelArtifact { name, description, blocks } = find(store, name)?;
+    let description = parse(&name, &description)?;
+    let first = description.known + 1;
+    let blocks = (first..).zip(blocks).map(|(k, key)| {
+        let block = store.get::<BlockArtifact>(&CacheKey::from_bytes(key));
+        let block = block.ok_or_else(|| ModelError::Incomplete { name: name.clone(), k })?;
+        Ok(Block::from(block.artifact))
+    });
+    let blocks = blocks.collect::<Result<_, ModelError>>()?;
+    Ok((name, Model { description, blocks }))
+}
+
+/// Stores a model under `name`; nothing happens when it is there already.
+///
+/// # Errors
+/// [`ModelError::Taken`], [`ModelError::Name`], or when the store cannot be written.
+pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError> {
+    if name.is_empty() || name != tidy(name) || is_file(name) {
+        return Err(ModelError::Name { name: name.into() });
+    }
+    let bytes = model.to_bytes();
+    if store.peek::<ModelArtifact>(&key_of(name)).is_some() {
+        return match load(store, name) {
+            Ok((_, there)) if there.to_bytes() == bytes => Ok(()),
+            Ok(_) | Err(_) => Err(ModelError::Taken { name: name.into() }),
+        };
+    }
+    let digest = Digest::of(&bytes);
+    let mut blocks = Vec::new();
+    for (k, block) in (model.description.known + 1..).zip(&model.blocks) {
+        let key = BlockArtifact::key().param("part", k.to_string()).input("model", &digest);
+        let key = key.finish(0, "f32");
+        store.put(&key, &BlockArtifact::from(block), Default::default())?;
+        blocks.push(key);
+    }
+    put(store, name, &model.description, &blocks)
+}
+
+/// Makes a training findable by name. A store that cannot be written costs a warning and nothing else.
+pub fn remember(context: &Context, assembled: &Assembled, known: usize, blocks: &[TrainedBlock]) {
+    let (Some(store), Some(first)) = (&context.store, blocks.first()) else { return };
+    let mesh_name = &assembled.loaded.job.name;
+    let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(mesh_name)), first.key.to_string());
+    let keys: Vec<CacheKey> = blocks.iter().map(|block| block.key).collect();
+    let kept = store.get::<ModelArtifact>(&key_of(&name));
+    let begins = |kept: &[[u8; 32]]| {
+        kept.len() >= keys.len() && keys.iter().zip(kept).all(|(key, kept)| key.as_bytes() == kept)
+    };
+    if kept.is_some_and(|kept| begins(&kept.artifact.blocks)) {
+        return;
+    }
+    let description = describe(&context.pipeline, assembled, known);
+    if let Err(error) = put(store, &name, &description, &keys) {
+        tracing::warn!(name, "the model cannot be found by name: {error}");
+    }
+}
+
+/// What a training is described by.
+pub fn describe(pipeline: &Pipeline, assembled: &Assembled, known: usize) -> Description {
+    let Pipeline { input: _, family, operators, features, train, verify: _, publish: _ } = pipeline;
+    let ingested = &assembled.loaded.ingested;
+    let (name, normalise) = (&assembled.loaded.job.name, features.normalise);
+    Description {
+        chladni: env!("CARGO_PKG_VERSION").into(),
+        mesh: TrainedMesh::of(name, &ingested.mesh, &ingested.topology, normalise),
+        known,
+        normalise,
+        operators: *operators,
+        deflation: DeflationRule::InnerProduct,
+        parameters: serde_json::json!({ "family": family, "features": features, "train": train }),
+    }
+}
+
+fn put(
+    store: &Store,
+    name: &str,
+    description: &Description,
+    blocks: &[CacheKey],
+) -> Result<(), ModelError> {
+    let artifact = ModelArtifact {
+        name: name.into(),
+        description: serde_json::to_string(description)
+            .expect("a description is numbers and names"),
+        blocks: blocks.iter().map(|key| *key.as_bytes()).collect(),
+    };
+    store.put(&key_of(name), &artifact, Default::default())?;
+    Ok(())
+}
+
+fn key_of(name: &str) -> CacheKey {
+    ModelArtifact::key().param("name", name).finish(0, "")
+}
+
+/// All model entries, by name.
+fn entries(store: &Store) -> Result<Vec<ModelArtifact>, ModelError> {
+    let keys = store.keys_of::<ModelArtifact>()?;
+    let entries = keys.iter().filter_map(|key| store.get::<ModelArtifact>(key));
+    let mut entries: Vec<ModelArtifact> = entries.map(|cached| cached.artifact).collect();
+    entries.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(entries)
+}
+
+fn find(store: &Store, name: &str) -> Result<ModelArtifact, ModelError> {
+    if let Some(exact) = store.get::<ModelArtifact>(&key_of(name)) {
+        return Ok(exact.artifact);
+    }
+    let names = |entries: &[ModelArtifact]| entries.iter().map(|e| e.name.clone()).collect();
+    let all = entries(store)?;
+    let known = names(&all);
+    let mut matches: Vec<ModelArtifact> =
+        all.into_iter().filter(|entry| !name.is_empty() && entry.name.starts_with(name)).collect();
+    match matches.len() {
+        1 => Ok(matches.remove(0)),
+        0 => Err(ModelError::Unknown { name: name.into(), known }),
+        _ => Err(ModelError::Ambiguous { name: name.into(), matches: names(&matches) }),
+    }
+}
+
+fn listed(store: &Store, entry: ModelArtifact) -> Result<Listed, ModelError> {
+    let description = parse(&entry.name, &entry.description)?;
+    let there = |key: &[u8; 32]| store.peek::<BlockArtifact>(&CacheKey::from_bytes(*key)).is_some();
+    Ok(Listed {
+        k: description.known + entry.blocks.len(),
+        whole: entry.blocks.iter().all(there),
+        name: entry.name,
+        description,
+    })
+}
+
+fn parse(name: &str, description: &str) -> Result<Description, ModelError> {
+    serde_json::from_str(description)
+        .map_err(|error| ModelError::Description { name: name.into(), reason: error.to_string() })
+}
+
+/// The name of a file without folders and ending.
+fn stem(path: &str) -> &str {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.rsplit_once('.').map_or(name, |(stem, _)| if stem.is_empty() { name } else { stem })
+}
+
+/// A name with nothing in it that a shell or a path would take for something else.
+fn tidy(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' };
+    name.chars().map(plain).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ggnn::model::samples::sphere_model;
+
+    #[test]
+    fn a_model_is_imported_once_found_by_its_beginning_and_comes_back_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let model = sphere_model();
+        import(&store, "sphere-a", &model).unwrap();
+        import(&store, "sphere-a", &model).unwrap();
+        let mut other = model.clone();
+        other.blocks.truncate(1);
+        assert!(matches!(import(&store, "sphere-a", &other), Err(ModelError::Taken { .. })));
+        assert_eq!(load(&store, "sph").unwrap(), ("sphere-a".to_string(), model.clone()));
+        assert_eq!(load(&store, "sph").unwrap().1.to_bytes(), model.to_bytes());
+        import(&store, "sphere-b", &other).unwrap();
+        let ambiguous = load(&store, "sph").unwrap_err().to_string();
+        assert!(ambiguous.contains("sphere-a, sphere-b"), "{ambiguous}");
+        assert_eq!(load(&store, "sphere-b").unwrap().1, other);
+        let unknown = load(&store, "cow").unwrap_err().to_string();
+        assert!(unknown.contains("sphere-a, sphere-b"), "{unknown}");
+        let listed: Vec<_> =
+            list(&store).unwrap().into_iter().map(|m| (m.name, m.k, m.whole)).collect();
+        assert_eq!(listed, [("sphere-a".into(), 3, true), ("sphere-b".into(), 2, true)]);
+        for name in ["", "a/b", "a b", "x.safetensors"] {
+            assert!(matches!(import(&store, name, &model), Err(ModelError::Name { .. })), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_model_that_lost_a_block_says_so() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let missing = [CacheKey::from_bytes([7; 32])];
+        put(&store, "torn", &sphere_model().description, &missing).unwrap();
+        assert!(!list(&store).unwrap()[0].whole);
+        let torn = load(&store, "torn").unwrap_err().to_string();
+        assert!(torn.contains("φ2") && torn.contains("run its pipeline again"), "{torn}");
+    }
+
+    #[test]
+    fn names_come_from_files() {
+        assert_eq!(stem("a/b/spot_829.obj"), "spot_829");
+        assert_eq!(stem(".obj"), ".obj");
+        assert_eq!(tidy("my scan (2)"), "my-scan--2-");
+        assert!(is_file("m.safetensors") && is_file("a/b") && !is_file("spot_829-4f1c90ab"));
+    }
+}
