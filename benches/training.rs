@@ -14,7 +14,7 @@ use chladni::ggnn::ops::real::{gemm, view};
 use chladni::ggnn::predict::NetworkInput;
 use chladni::ggnn::recipe::Ritz;
 use chladni::ggnn::sample::{Member, Sample};
-use chladni::ggnn::train::{Observer, train_block};
+use chladni::ggnn::train::{Observer, train_blocks};
 use chladni::mesh::TriMesh;
 use chladni::operators::{MassKind, Operators};
 use chladni::remesh::{Family, FamilyRecipe};
@@ -64,7 +64,7 @@ fn steps(c: &mut Criterion) {
                 let samples = family.iter().map(sample).collect();
                 let watch = Stopwatch { first: Cell::new(None), last: Cell::new(None) };
                 let recipe = Ritz { steps: count as usize + 1, ..recipe };
-                train_block(samples, &recipe, 0, &watch).expect("the family can be trained on");
+                train_blocks(samples, &recipe, 1, 0, &watch).expect("the family can be trained on");
                 let elapsed = watch.last.get().zip(watch.first.get()).map(|(b, a)| b - a);
                 let elapsed = elapsed.expect("there were steps");
                 best = best.min(elapsed.as_secs_f64() / count as f64);

@@ -1,7 +1,7 @@
 //! The decoder, solved instead of trained: Rayleigh–Ritz over the hidden features of a whole batch.
 //!
-//! With F the deflated features of every member, the head is the lowest eigenvector of (ΣFᵀLF + σI, ΣFᵀBF). It
-//! always gives the *next* eigenfunction. The ridge σ keeps ill-conditioned combinations of features out. On meshes
+//! With F the deflated features of every member, heads are the lowest eigenvectors of (ΣFᵀLF + σI, ΣFᵀBF). They
+//! always give the *next* eigenfunctions. The ridge σ keeps ill-conditioned combinations of features out. On meshes
 //! without Dirichlet boundary the constant is among the deflated functions, so no constant column is needed.
 
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
@@ -12,7 +12,7 @@ use super::deflation::Deflation;
 use super::ops::graph::Graph;
 use super::ops::real::{Real, gemm, view};
 use crate::spectrum::Dense;
-use crate::spectrum::rayleigh_ritz::lowest_ridge_pair;
+use crate::spectrum::rayleigh_ritz::lowest_ridge_pairs;
 
 /// (FᵀLF, FᵀBF) of the deflated features, summed over members; each h×h, its lower triangle alone.
 #[derive(Debug, Clone)]
@@ -60,11 +60,12 @@ impl Grams {
         self.mass += &other.mass;
     }
 
-    /// The lowest pair with σ = `ridge` · tr ΣFᵀLF; `None` when the features span nothing (or are not numbers).
-    pub fn solve(&self, ridge: f64) -> Option<Head> {
+    /// The lowest `count` pairs with σ = `ridge` · tr ΣFᵀLF; `None` when the features do not span as many (or are not
+    /// numbers).
+    pub fn solve(&self, ridge: f64, count: usize) -> Option<Vec<Head>> {
         let [stiffness, mass] = [&self.stiffness, &self.mass].map(mirrored);
-        let (quotient, weights) = lowest_ridge_pair(&stiffness, &mass, ridge)?;
-        Some(Head { weights, quotient })
+        let pairs = lowest_ridge_pairs(&stiffness, &mass, ridge, count)?;
+        Some(pairs.into_iter().map(|(quotient, weights)| Head { weights, quotient }).collect())
     }
 }
 
@@ -121,7 +122,9 @@ mod tests {
             mesh.vertices().iter().flat_map(|p| [p[0] as f32, p[1] as f32, 1.0]).collect();
         let mut grams = Grams::zeros(3);
         grams.include(&features, &l, &b, &constant);
-        let head = grams.solve(1e-10).unwrap();
-        assert!((head.quotient / 2.0 - 1.0).abs() < 5e-3, "{}", head.quotient);
+        for head in grams.solve(1e-10, 2).unwrap() {
+            assert!((head.quotient / 2.0 - 1.0).abs() < 5e-3, "{}", head.quotient);
+        }
+        assert_eq!(grams.solve(1e-10, 3), None);
     }
 }

@@ -57,7 +57,8 @@ pub fn predict_next(
     mass: &impl InnerProduct,
     earlier: &Dense,
 ) -> Vec<f64> {
-    settled(forward(block, input), mass, earlier)
+    let outputs = forward(&[block], input).remove(0);
+    settled(outputs, mass, earlier)
 }
 
 /// All eigenfunctions on a mesh: the `known` ones (constants, n×c), then one for every block. n×(c + blocks).
@@ -73,10 +74,12 @@ pub fn predict_all(
     let mut phi = Dense::zeros(known.nrows(), c + blocks.len());
     phi.subcols_mut(0, c).copy_from(known);
     let mut k = c;
-    for together in blocks.chunks(at_once(blocks, input.n())) {
-        let outputs: Vec<Vec<f64>> =
-            together.par_iter().map(|block| forward(block, input)).collect();
-        for u in outputs {
+    // Heads of one trunk share its forward pass.
+    let trunks: Vec<&[&Block]> = blocks.chunk_by(|a, b| a.shares_trunk(b)).collect();
+    for together in trunks.chunks(at_once(blocks, input.n())) {
+        let outputs: Vec<Vec<Vec<f64>>> =
+            together.par_iter().map(|heads| forward(heads, input)).collect();
+        for u in outputs.into_iter().flatten() {
             let u = settled(u, mass, &phi.subcols(0, k).to_owned());
             column_mut(&mut phi, k).copy_from_slice(&u);
             k += 1;
@@ -85,10 +88,12 @@ pub fn predict_all(
     phi
 }
 
-/// What a forward pass and the head make of a mesh, n.
-fn forward(block: &Block, input: &NetworkInput) -> Vec<f64> {
-    let features = block.trunk().forward(input.tensor(&Cpu::default()), &input.graph);
-    decode(&entries(&features), &block.head)
+/// What a forward pass and the heads of a trunk make of a mesh, n each.
+fn forward(blocks: &[&Block], input: &NetworkInput) -> Vec<Vec<f64>> {
+    let Some(first) = blocks.first() else { return vec![] };
+    let features = first.trunk().forward(input.tensor(&Cpu::default()), &input.graph);
+    let features = entries(&features);
+    blocks.iter().map(|block| decode(&features, &block.head)).collect()
 }
 
 /// P u, scaled to unit B-norm, its sign fixed.

@@ -6,7 +6,7 @@ use super::deflation::Deflation;
 use super::ops::graph::Graph;
 use super::ops::rayleigh::MemberPencil;
 use super::predict::NetworkInput;
-use crate::operators::Sparse;
+use crate::operators::{Boundary, Operators, Sparse};
 use crate::spectrum::Dense;
 
 /// One mesh of a family as training sees it. The mass is scaled to unit area.
@@ -18,6 +18,49 @@ pub struct Member {
     pub stiffness: Sparse,
     /// B/area.
     pub mass: Sparse,
+}
+
+impl Member {
+    /// What training sees of a mesh with these operators: the mass scaled to add up to 1, a surface of unit area
+    /// (Proposition 1).
+    ///
+    /// Under [`Boundary::Dirichlet`] a function is worth 0 on the boundary whatever the network says there: its energy is
+    /// that of the function with these zeros, so that no quotient is below that of finite elements. What the network
+    /// says is held to 0 beside by `penalty` times the stiffness's own diagonal, which grows like one over the length of
+    /// an edge, as Nitsche's term does.
+    pub fn new(
+        input: NetworkInput,
+        operators: Operators,
+        boundary: Boundary,
+        penalty: f64,
+    ) -> Self {
+        let total = operators.total_mass();
+        let Operators { stiffness, mass, boundary: rim, .. } = operators;
+        let mass = mass.map(|b| b / total);
+        match boundary {
+            Boundary::Neumann => Self { input, stiffness, mass },
+            Boundary::Dirichlet => {
+                let mut fixed = vec![false; stiffness.rows()];
+                rim.iter().for_each(|&i| fixed[i as usize] = true);
+                Self {
+                    input,
+                    stiffness: inner(&stiffness, &fixed, penalty),
+                    mass: inner(&mass, &fixed, 0.0),
+                }
+            }
+        }
+    }
+}
+
+/// The matrix without the rows and columns of fixed vertices; what stands on their diagonal is multiplied by `kept`.
+fn inner(matrix: &Sparse, fixed: &[bool], kept: f64) -> Sparse {
+    let mut matrix = matrix.clone();
+    for (i, mut row) in matrix.outer_iterator_mut().enumerate() {
+        for (j, value) in row.iter_mut().filter(|&(j, _)| fixed[i] || fixed[j]) {
+            *value *= if i == j { kept } else { 0.0 };
+        }
+    }
+    matrix
 }
 
 /// One member with the earlier eigenfunctions on it: a row of the training set for one block.

@@ -12,7 +12,7 @@ use dfdx::prelude::*;
 
 use super::head::{Grams, Head};
 use super::network::{Prepared, Trunk};
-use super::ops::rayleigh::{Quotient, rayleigh};
+use super::ops::rayleigh::{Term, rayleigh};
 use super::ops::real::add;
 use super::ops::{Matrix, entries};
 use super::sample::Sample;
@@ -32,7 +32,7 @@ enum Order {
     /// Forward passes over these samples.
     Forward { trunk: Trunk<f32>, members: Vec<usize> },
     /// Backward passes over the same samples.
-    Backward { head: Arc<Vec<f64>>, quotient: Quotient },
+    Backward { terms: Arc<Vec<Term>> },
 }
 
 impl Shards {
@@ -68,12 +68,20 @@ impl Shards {
     }
 
     /// Backward passes over the batch of the last [`Self::grams`]: the summed gradient of every parameter.
-    pub fn gradients(&mut self, head: &Head) -> Vec<Vec<f32>> {
-        // The head is scaled to this denominator.
-        let quotient = Quotient { value: head.quotient, denominator: 1.0 };
-        let head = Arc::new(head.weights.clone());
+    ///
+    /// Of one head it is the gradient of its quotient, of several that of the sum of their logarithms: all eigenvalues
+    /// count alike, however large.
+    pub fn gradients(&mut self, heads: &[Head]) -> Vec<Vec<f32>> {
+        // A head is scaled to Σ uᵀBu = 1.
+        let weight = |head: &Head| if heads.len() == 1 { 1.0 } else { head.quotient.recip() };
+        let term = |head: &Head| Term {
+            head: head.weights.clone(),
+            quotient: head.quotient,
+            weight: weight(head),
+        };
+        let terms: Arc<Vec<Term>> = Arc::new(heads.iter().map(term).collect());
         for shard in &self.shards {
-            shard.send(Order::Backward { head: head.clone(), quotient });
+            shard.send(Order::Backward { terms: terms.clone() });
         }
         let mut parts = self.shards.iter().map(|shard| receive(&shard.gradients));
         let first = parts.next().unwrap_or_default();
@@ -115,13 +123,13 @@ fn serve(
                 trunk = Some(newest);
                 grams_out.send(sum).is_ok()
             }
-            Order::Backward { head, quotient } => {
+            Order::Backward { terms } => {
                 let Some(trunk) = &trunk else { continue };
                 // Empty when the batch left nothing to this shard.
                 let sum = taped
                     .drain(..)
                     .map(|(sample, features)| {
-                        let loss = rayleigh(features, &head, &sample.pencil, quotient);
+                        let loss = rayleigh(features, &terms, &sample.pencil);
                         let mut gradients = loss.backward();
                         trunk.parameters().iter().map(|p| take(&mut gradients, p)).collect()
                     })

@@ -1,12 +1,14 @@
-//! Recipe `ritz`: trains one block on a family.
+//! Recipe `ritz`: trains one block on a family, or several on one trunk.
 //!
-//! Each step: forward passes over a batch; the head solved on that batch ([`super::head`]); the gradient of the
-//! batch's Rayleigh quotient with respect to the trunk ([`super::ops::rayleigh`]); one Adam step. Since the head
+//! Each step: forward passes over a batch; the heads solved on that batch ([`super::head`]); the gradient of the
+//! batch's Rayleigh quotients with respect to the trunk ([`super::ops::rayleigh`]); one Adam step. Since the head
 //! is optimal for the batch, the quotient's gradient needs no term for the head (the envelope theorem); the ridge is
 //! taken as a constant there.
 //!
 //! Nothing here has seen a vector of a reference solver: the inputs are meshes, their operators, and the
 //! predictions of earlier blocks.
+
+use std::sync::Arc;
 
 use dfdx::prelude::*;
 use rand::SeedableRng;
@@ -14,6 +16,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::block::{Block, TrainingRecord};
+use super::head::{Grams, Head};
 use super::network::Trunk;
 use super::recipe::Ritz;
 use super::sample::Sample;
@@ -41,24 +44,27 @@ pub trait Observer {
     fn cancelled(&self) -> bool;
 }
 
-/// Trains the block that follows the functions deflated in `samples`.
+/// Trains the blocks of the `count` eigenfunctions that follow those deflated in `samples`, all on one trunk.
 ///
 /// The same inputs, recipe and seed give the same bits, whatever the number of threads.
 ///
 /// # Errors
 /// [`TrainError`].
-pub fn train_block(
+pub fn train_blocks(
     samples: Vec<Sample>,
     recipe: &Ritz,
+    count: usize,
     seed: u64,
     observer: &dyn Observer,
-) -> Result<Block, TrainError> {
+) -> Result<Vec<Block>, TrainError> {
     let mut trunk = Trunk::init(recipe.shape, recipe.ranges, seed);
     let everyone: Vec<usize> = (0..samples.len()).collect();
     let mut batches = Batches::new(samples.len(), recipe.batch, seed);
     Shards::run(&samples, recipe.shards, |shards| {
-        let untrained = shards.grams(&trunk, &everyone).solve(recipe.ridge);
-        let untrained = untrained.ok_or(TrainError::Degenerate { step: 0 })?.quotient;
+        let solve = |grams: Grams, step: usize| {
+            grams.solve(recipe.ridge, count).ok_or(TrainError::Degenerate { step })
+        };
+        let untrained = solve(shards.grams(&trunk, &everyone), 0)?;
         let mut adam = Moments::new(&trunk);
         let mut history = Vec::with_capacity(recipe.steps);
         for step in 0..recipe.steps {
@@ -66,23 +72,36 @@ pub fn train_block(
                 return Err(TrainError::Cancelled);
             }
             let batch = batches.next();
-            let grams = shards.grams(&trunk, &batch);
-            // Solved on the very batch that gives the gradient: a head from another batch is not optimal here.
-            let head = grams.solve(recipe.ridge).ok_or(TrainError::Degenerate { step })?;
-            let gradients = shards.gradients(&head);
+            // Solved on the very batch that gives the gradient: heads from another batch are not optimal here.
+            let heads = solve(shards.grams(&trunk, &batch), step)?;
+            let gradients = shards.gradients(&heads);
             adam.update(&mut trunk, gradients, recipe.learning_rate_at(step));
-            history.push(head.quotient);
-            observer.step(step + 1, recipe.steps, head.quotient);
+            let quotient = geometric_mean(&heads);
+            history.push(quotient);
+            observer.step(step + 1, recipe.steps, quotient);
         }
-        let last = shards.grams(&trunk, &everyone).solve(recipe.ridge);
-        let last = last.ok_or(TrainError::Degenerate { step: recipe.steps })?;
-        Ok(Block {
+        let heads = solve(shards.grams(&trunk, &everyone), recipe.steps)?;
+        let weights = Arc::new(trunk.weights());
+        let block = |(head, untrained): (Head, &Head)| Block {
             shape: recipe.shape,
-            weights: trunk.weights(),
-            record: TrainingRecord { history, untrained, trained: last.quotient },
-            head: last.weights,
-        })
+            weights: weights.clone(),
+            record: TrainingRecord {
+                history: history.clone(),
+                untrained: untrained.quotient,
+                trained: head.quotient,
+            },
+            head: head.weights,
+        };
+        Ok(heads.into_iter().zip(&untrained).map(block).collect())
     })
+}
+
+fn geometric_mean(heads: &[Head]) -> f64 {
+    let [head] = heads else {
+        let logarithms: f64 = heads.iter().map(|head| head.quotient.ln()).sum();
+        return (logarithms / heads.len() as f64).exp();
+    };
+    head.quotient
 }
 
 /// Draws batches: every member once in random order, then again.

@@ -72,13 +72,18 @@ fn power_of_two_below(x: f64) -> f64 {
     if power.is_normal() && power.recip().is_normal() { power } else { 1.0 }
 }
 
-/// The lowest pair of (A + σI) y = θ M y, with yᵀMy = 1, for symmetric positive semi-definite A and M, m×m, and
-/// σ = `ridge` · tr A. `None` when there is none: M is zero, or something is not a number.
+/// The lowest `count` pairs of (A + σI) y = θ M y, ascending, with yᵀMy = 1, for symmetric positive semi-definite A and M,
+/// m×m, and σ = `ridge` · tr A. `None` when there are fewer: M has not that rank, or something is not a number.
 ///
 /// A combination y that A and M hardly see would have a meaningless quotient; the ridge makes it a large one. It
-/// costs one Cholesky factorisation A + σI = RRᵀ and a few dozen steps of Lanczos for the largest eigenvalue of
-/// R⁻¹MR⁻ᵀ, where [`ritz_pairs`] takes two full eigendecompositions.
-pub fn lowest_ridge_pair(a: &Dense, m: &Dense, ridge: f64) -> Option<(f64, Vec<f64>)> {
+/// costs one Cholesky factorisation A + σI = RRᵀ and the eigenpairs of R⁻¹MR⁻ᵀ: for one pair a few dozen steps of
+/// Lanczos. [`ritz_pairs`] takes two full eigendecompositions.
+pub fn lowest_ridge_pairs(
+    a: &Dense,
+    m: &Dense,
+    ridge: f64,
+    count: usize,
+) -> Option<Vec<(f64, Vec<f64>)>> {
     let n = a.nrows();
     let shift = ridge * (0..n).map(|i| a[(i, i)]).sum::<f64>();
     let mut factor = a.clone();
@@ -97,15 +102,35 @@ pub fn lowest_ridge_pair(a: &Dense, m: &Dense, ridge: f64) -> Option<(f64, Vec<f
     solve_lower_triangular_in_place(factor.as_ref(), half.as_mut(), Par::Seq);
     let mut whitened = half.transpose().to_owned();
     solve_lower_triangular_in_place(factor.as_ref(), whitened.as_mut(), Par::Seq);
-    let (largest, mut y) = largest_pair(&whitened)?;
+    let (largest, mut y) = largest_pairs(&whitened, count)?;
     faer::linalg::triangular_solve::solve_upper_triangular_in_place(
         factor.transpose(),
         y.as_mut(),
         Par::Seq,
     );
-    let scale = largest.sqrt().recip();
-    let weights: Vec<f64> = column(&y, 0).iter().map(|y| y * scale).collect();
-    weights.iter().all(|w| w.is_finite()).then_some((largest.recip(), weights))
+    let pair = |(j, largest): (usize, f64)| {
+        let scale = largest.sqrt().recip();
+        let weights: Vec<f64> = column(&y, j).iter().map(|y| y * scale).collect();
+        let sound = largest > 0.0 && weights.iter().all(|w| w.is_finite());
+        sound.then_some((largest.recip(), weights))
+    };
+    largest.into_iter().enumerate().map(pair).collect()
+}
+
+/// The `count` largest eigenvalues of a symmetric positive semi-definite matrix, m×m, descending, and their unit vectors,
+/// m×count.
+fn largest_pairs(a: &Dense, count: usize) -> Option<(Vec<f64>, Dense)> {
+    if count == 1 {
+        return largest_pair(a).map(|(value, vector)| (vec![value], vector));
+    }
+    let m = a.nrows();
+    let (values, vectors) = symmetric_eigen(a);
+    let rank = m as f64 * f64::EPSILON * values.last()?;
+    let chosen: Vec<usize> = (0..m).rev().take(count).filter(|&j| values[j] > rank).collect();
+    (chosen.len() == count).then(|| {
+        let vectors = Dense::from_fn(m, count, |i, j| vectors[(i, chosen[j])]);
+        (chosen.iter().map(|&j| values[j]).collect(), vectors)
+    })
 }
 
 /// Lanczos stops when the residual is this small, relative to the eigenvalue. The error of the eigenvalue is its
@@ -181,6 +206,10 @@ fn times(x: faer::MatRef<'_, f64>, y: faer::MatRef<'_, f64>) -> Dense {
 mod tests {
     use super::*;
 
+    fn lowest(a: &Dense, m: &Dense, ridge: f64) -> Option<(f64, Vec<f64>)> {
+        lowest_ridge_pairs(a, m, ridge, 1).map(|mut pairs| pairs.remove(0))
+    }
+
     #[test]
     fn a_pencil_with_known_values() {
         // diag(2, 12) against diag(1, 4): θ = 2 and 3.
@@ -223,7 +252,7 @@ mod tests {
             };
             let (a, m) = (gram(1), gram(0));
             let all = ritz_pairs(&a, &m, 0.0);
-            let (value, y) = lowest_ridge_pair(&a, &m, 1e-15).unwrap();
+            let (value, y) = lowest(&a, &m, 1e-15).unwrap();
             assert!((value / all.values[0] - 1.0).abs() < 1e-7, "{value} {}", all.values[0]);
             let norm: f64 =
                 (0..n).map(|j| y[j] * (0..n).map(|i| m[(i, j)] * y[i]).sum::<f64>()).sum();
@@ -235,12 +264,12 @@ mod tests {
     fn a_direction_that_neither_matrix_sees_is_not_the_lowest() {
         let a = Dense::from_fn(3, 3, |i, j| if i == j { [5.0, 0.0, 3.0][i] } else { 0.0 });
         let m = Dense::from_fn(3, 3, |i, j| if i == j { [1.0, 1e-17, 1.0][i] } else { 0.0 });
-        let (value, y) = lowest_ridge_pair(&a, &m, 1e-10).unwrap();
+        let (value, y) = lowest(&a, &m, 1e-10).unwrap();
         assert!((value - 3.0).abs() < 1e-8 && y[1].abs() < 1e-3 && y[0].abs() < 1e-6);
-        assert_eq!(lowest_ridge_pair(&a, &Dense::zeros(3, 3), 1e-10), None);
+        assert_eq!(lowest(&a, &Dense::zeros(3, 3), 1e-10), None);
         let undefined = Dense::from_fn(3, 3, |_, _| f64::NAN);
-        assert_eq!(lowest_ridge_pair(&undefined, &m, 1e-10), None);
-        assert_eq!(lowest_ridge_pair(&a, &undefined, 1e-10), None);
+        assert_eq!(lowest(&undefined, &m, 1e-10), None);
+        assert_eq!(lowest(&a, &undefined, 1e-10), None);
     }
 
     #[test]
@@ -255,7 +284,7 @@ mod tests {
     fn the_ridge_pair_of_a_matrix_whose_top_vector_alternates() {
         // M = [[2, −1], [−1, 2]] has 3 with (1, −1); a start of ones would never see it.
         let m = Dense::from_fn(2, 2, |i, j| if i == j { 2.0 } else { -1.0 });
-        let (quotient, weights) = lowest_ridge_pair(&Dense::identity(2, 2), &m, 1e-15).unwrap();
+        let (quotient, weights) = lowest(&Dense::identity(2, 2), &m, 1e-15).unwrap();
         assert!((quotient - 1.0 / 3.0).abs() < 1e-12);
         assert!((weights[0] + weights[1]).abs() < 1e-12);
     }

@@ -173,7 +173,7 @@ impl From<&Block> for BlockArtifact {
         let sizes = [inputs, width, layers, iterations, layer as usize, activation as usize];
         Self {
             shape: sizes.map(|size| size as u32),
-            weights: block.weights.clone(),
+            weights: block.weights.to_vec(),
             head: block.head.clone(),
             history: block.record.history.clone(),
             untrained: block.record.untrained,
@@ -189,7 +189,7 @@ impl From<BlockArtifact> for Block {
         let (layer, activation) = (Layer::ALL[layer], Activation::ALL[activation]);
         Self {
             shape: TrunkShape { inputs, width, layers, iterations, layer, activation },
-            weights: artifact.weights,
+            weights: artifact.weights.into(),
             head: artifact.head,
             record: TrainingRecord {
                 history: artifact.history,

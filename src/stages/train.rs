@@ -16,7 +16,7 @@ use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::predict::predict_next;
 use crate::ggnn::sample::Sample;
-use crate::ggnn::train::{Observer, TrainError, train_block};
+use crate::ggnn::train::{Observer, TrainError, train_blocks};
 use crate::spectrum::Dense;
 use crate::store::{CacheKey, Digest};
 
@@ -102,13 +102,12 @@ pub fn train(
             .zip(&state.earlier)
             .map(|(member, earlier)| Sample::new(member, earlier))
             .collect();
-        let block = train_block(samples, &recipe, block_seed(options.seed, k), &progress).map_err(
-            |source| match source {
+        let blocks = train_blocks(samples, &recipe, 1, block_seed(options.seed, k), &progress)
+            .map_err(|source| match source {
                 TrainError::Cancelled => Failure::Interrupted,
                 source => Failure::Train { k, source },
-            },
-        )?;
-        Ok(BlockArtifact::from(&block))
+            })?;
+        Ok(BlockArtifact::from(&blocks[0]))
     })?;
     let spent = started.elapsed();
     tracing::debug!(mesh = name, k, how = ?recalled.how, seconds = spent.as_secs_f64(), "block");

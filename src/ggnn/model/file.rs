@@ -229,7 +229,7 @@ impl Reader<'_> {
             let data = self.bytes(&format!("phi{k}.trunk.{i}"), Dtype::F32, &[rows, columns])?;
             Ok(data.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
         });
-        let weights = weights.collect::<Result<_, ModelFault>>()?;
+        let weights: Vec<_> = weights.collect::<Result<_, ModelFault>>()?;
         let head = self.doubles(&format!("phi{k}.head"))?;
         if head.len() != shape.width {
             return Err(damaged(format!(
@@ -244,7 +244,7 @@ impl Reader<'_> {
         };
         let record =
             TrainingRecord { history: history.to_vec(), untrained: *untrained, trained: *trained };
-        Ok(Block { shape, weights, head, record })
+        Ok(Block { shape, weights: weights.into(), head, record })
     }
 
     fn doubles(&self, name: &str) -> Result<Vec<f64>, ModelFault> {

@@ -2,17 +2,18 @@
 
 use super::*;
 use crate::ggnn::block::TrainingRecord;
-use crate::ggnn::network::{Ranges, Trunk, TrunkShape};
+use crate::ggnn::recipe::Ritz;
+use crate::ggnn::network::{Trunk, TrunkShape};
 use crate::mesh::sample::icosphere;
 
 /// Two blocks of four features, for icosphere(1).
 pub fn sphere_model() -> Model {
     let mesh = icosphere(1);
-    let shape = TrunkShape { inputs: 3, width: 4, layers: 1, iterations: 1 };
-    let ranges = Ranges { encoder: 2.0, hidden: 0.005 };
+    let Ritz { shape, ranges, .. } = Ritz::default();
+    let shape = TrunkShape { width: 4, layers: 1, ..shape };
     let block = |seed: u64| Block {
         shape,
-        weights: Trunk::<f32>::init(shape, ranges, seed).weights(),
+        weights: Trunk::<f32>::init(shape, ranges, seed).weights().into(),
         head: (0..4).map(|i| (seed as f64 + 0.1) / (i as f64 + 3.0)).collect(),
         record: TrainingRecord { history: vec![30.0, 1.0 / 3.0], untrained: 31.0, trained: 29.5 },
     };

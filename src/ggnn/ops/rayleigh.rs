@@ -1,8 +1,9 @@
-//! The Rayleigh quotient of a head on features, deflated against earlier eigenfunctions: what `ritz` trains on.
+//! Rayleigh quotients of heads on features, deflated against earlier eigenfunctions: what `ritz` trains on.
 //!
 //! With u = P F w, P = I − Φ(ΦᵀBΦ)⁻¹ΦᵀB, R = uᵀLu/uᵀBu over the whole batch, the gradient of R with respect to
 //! F is 2 Pᵀ(L − RB)u wᵀ / Σuᵀ Bu. R and the denominator belong to the batch, so they enter as numbers: the value
 //! of this operation is uᵀ(L − RB)u / Σ uᵀBu, whose sum over the batch is zero and whose gradient is that of R.
+//! Several heads are summed up, each with a weight of its own.
 
 use std::sync::Arc;
 
@@ -26,24 +27,15 @@ pub struct MemberPencil {
     pub deflation: Deflation,
 }
 
-/// What the batch shares: R = uᵀLu/uᵀBu and Σ uᵀBu.
-#[derive(Debug, Clone, Copy)]
-pub struct Quotient {
+/// A head, and what the batch shares of its quotient.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Term {
+    /// w, h.
+    pub head: Vec<f64>,
     /// R.
-    pub value: f64,
-    /// Σ uᵀBu over the batch.
-    pub denominator: f64,
-}
-
-/// u = P F w in double precision, n.
-pub fn deflated_prediction<E: Real>(
-    features: &[E],
-    head: &[f64],
-    deflation: &Deflation,
-) -> Vec<f64> {
-    let mut u = decode(features, head);
-    deflation.apply(&mut u);
-    u
+    pub quotient: f64,
+    /// What the gradient of R is multiplied by, over Σ uᵀBu of the batch.
+    pub weight: f64,
 }
 
 /// F w in double precision, n.
@@ -54,37 +46,72 @@ pub fn decode<E: Real>(features: &[E], head: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The share of one member in the linearised Rayleigh quotient; see the module's first lines.
+/// P F w in double precision for every head w, n each.
+fn deflated_predictions<E: Real>(
+    features: &[E],
+    terms: &[Term],
+    deflation: &Deflation,
+) -> Vec<Vec<f64>> {
+    let (heads, h) = (terms.len(), terms.first().map_or(1, |term| term.head.len()));
+    // The weights of all heads for one feature side by side.
+    let mut weights = Vec::with_capacity(h * heads);
+    (0..h).for_each(|j| weights.extend(terms.iter().map(|term| term.head[j])));
+    let mut rows = vec![0.0; features.len() / h * heads];
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (row, features) in rows.chunks_exact_mut(heads).zip(features.chunks_exact(h)) {
+                for (f, weights) in features.iter().zip(weights.chunks_exact(heads)) {
+                    axpy(f.wide(), weights, row);
+                }
+            }
+        },
+    );
+    let prediction = |k: usize| {
+        let mut u: Vec<f64> = rows.iter().skip(k).step_by(heads).copied().collect();
+        deflation.apply(&mut u);
+        u
+    };
+    (0..heads).map(prediction).collect()
+}
+
+/// The share of one member in the linearised Rayleigh quotients; see the module's first lines.
 pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
     features: Matrix<E, T>,
-    head: &Arc<Vec<f64>>,
+    terms: &Arc<Vec<Term>>,
     member: &Arc<MemberPencil>,
-    quotient: Quotient,
 ) -> Scalar<E, T> {
     let (features, mut tape) = features.split_tape();
-    let u = deflated_prediction(&entries(&features), head, &member.deflation);
-    let [mut residual, mut bu] = [vec![0.0; u.len()], vec![0.0; u.len()]];
-    apply(&member.stiffness, &u, &mut residual);
-    apply(&member.mass, &u, &mut bu);
-    residual.iter_mut().zip(&bu).for_each(|(r, b)| *r -= quotient.value * b);
-    let value: f64 = u.iter().zip(&residual).map(|(u, r)| u * r).sum();
-    let out = features.device().tensor_from_vec(vec![E::round(value / quotient.denominator)], ());
+    let predictions = deflated_predictions(&entries(&features), terms, &member.deflation);
+    let mut value = 0.0;
+    let mut residuals = Vec::with_capacity(terms.len());
+    for (u, term) in predictions.iter().zip(&**terms) {
+        let [mut residual, mut bu] = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        apply(&member.stiffness, u, &mut residual);
+        apply(&member.mass, u, &mut bu);
+        residual.iter_mut().zip(&bu).for_each(|(r, b)| *r -= term.quotient * b);
+        value += term.weight * u.iter().zip(&residual).map(|(u, r)| u * r).sum::<f64>();
+        residuals.push(residual);
+    }
+    let out = features.device().tensor_from_vec(vec![E::round(value)], ());
     let (out_ghost, f_ghost) = (out.ghost(), features.ghost());
-    let (head, member) = (head.clone(), member.clone());
+    let (terms, member) = (terms.clone(), member.clone());
     tape.add_backward_op(move |grads| {
         let outer = grads.get_or_alloc_mut(&out_ghost)?[0].wide();
-        member.deflation.apply_transposed(&mut residual);
-        let scale = 2.0 * outer / quotient.denominator;
         let d_features = grads.get_or_alloc_mut(&f_ghost)?;
-        let weights: Vec<E> = head.iter().map(|&w| E::round(w)).collect();
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for (row, r) in d_features.chunks_exact_mut(weights.len()).zip(&residual) {
-                    axpy(E::round(scale * r), &weights, row);
-                }
-            },
-        );
+        for (residual, term) in residuals.iter_mut().zip(&*terms) {
+            member.deflation.apply_transposed(residual);
+            let scale = 2.0 * outer * term.weight;
+            let weights: Vec<E> = term.head.iter().map(|&w| E::round(w)).collect();
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (row, r) in d_features.chunks_exact_mut(weights.len()).zip(&*residual) {
+                        axpy(E::round(scale * r), &weights, row);
+                    }
+                },
+            );
+        }
         Ok(())
     });
     out.put_tape(tape)
@@ -110,11 +137,11 @@ mod tests {
             stiffness: operators.stiffness,
             mass: operators.mass,
         });
-        let head = Arc::new(values(h, 9));
-        let quotient = Quotient { value: 1.7, denominator: 2.3 };
+        let term = |seed, quotient, weight| Term { head: values(h, seed), quotient, weight };
+        let terms = Arc::new(vec![term(9, 1.7, 0.4), term(11, 0.3, 1.9)]);
         check(&[values(n * h, 1)], |dev, p, tape| {
             let f = dev.tensor_from_vec(p[0].clone(), (n, h));
-            let loss = rayleigh(f.clone().put_tape(tape), &head, &member, quotient);
+            let loss = rayleigh(f.clone().put_tape(tape), &terms, &member);
             (loss, Box::new(move |g| vec![g.get(&f).as_vec()]))
         });
     }
@@ -129,23 +156,25 @@ mod tests {
             stiffness: operators.stiffness,
             mass: operators.mass,
         });
-        let head = Arc::new(values(h, 9));
-        let quotient = |f: &[f64]| {
-            let u = deflated_prediction(f, &head, &member.deflation);
+        let head = values(h, 9);
+        let term = |f: &[f64]| {
+            let mut u = decode(f, &head);
+            member.deflation.apply(&mut u);
             let denominator = quadratic(&member.mass, &u);
-            Quotient { value: quadratic(&member.stiffness, &u) / denominator, denominator }
+            let quotient = quadratic(&member.stiffness, &u) / denominator;
+            Term { head: head.clone(), quotient, weight: denominator.recip() }
         };
         let f = values(n * h, 1);
         let dev = Cpu::default();
         let tensor = dev.tensor_from_vec(f.clone(), (n, h));
         let loss =
-            rayleigh(tensor.clone().put_tape(OwnedTape::default()), &head, &member, quotient(&f));
+            rayleigh(tensor.clone().put_tape(OwnedTape::default()), &Arc::new(vec![term(&f)]), &member);
         let gradient = loss.backward().get(&tensor).as_vec();
         for entry in 0..n * h {
             let at = |delta: f64| {
                 let mut moved = f.clone();
                 moved[entry] += delta;
-                quotient(&moved).value
+                term(&moved).quotient
             };
             let difference = (at(1e-5) - at(-1e-5)) / 2e-5;
             assert!((gradient[entry] - difference).abs() < 1e-7, "{entry}");
