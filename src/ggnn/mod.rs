@@ -2,6 +2,7 @@
 //!
 //! - [`ops`]: the differentiable operations
 //! - [`features`]: what the network reads at every vertex
+//! - [`landmarks`]: points of a shape that are found again on every mesh of it
 //! - [`network`]: encoder and hidden layers, (27)–(29)
 //! - [`deflation`]: keeping a function away from the earlier eigenfunctions
 //! - [`head`]: the decoder, solved by Rayleigh–Ritz
@@ -15,6 +16,7 @@ pub mod block;
 pub mod deflation;
 pub mod features;
 pub mod head;
+pub mod landmarks;
 pub mod network;
 pub mod ops;
 pub mod predict;
