@@ -11,12 +11,16 @@
 //! On a symmetric shape what is found may be the image under a symmetry, of all landmarks together: the distances,
 //! and the eigenfunctions, are carried along. Nothing is assembled or solved.
 
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::TriMesh;
+use crate::mesh::closest::{ClosestPoint, SurfacePoint};
 use crate::mesh::geodesic::Geodesics;
 use crate::mesh::trimesh::{norm, sub};
+use crate::remesh::simplify::simplify;
 
 /// The landmarks of a shape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,6 +49,10 @@ const FIRST_ROUNDS: usize = 2;
 /// How often those of the chosen one are moved at most.
 const ROUNDS: usize = 6;
 
+/// A mesh of more than twice as many vertices is simplified to so many for the search; then the landmarks are moved on
+/// the mesh itself.
+const COARSE: usize = 1_500;
+
 /// Points of a triangle that are tried lie at multiples of one over this in barycentric coordinates.
 const CUTS: usize = 8;
 
@@ -69,6 +77,32 @@ impl Landmarks {
     }
 
     fn find(&self, surface: &Surface<'_>) -> Vec<Place> {
+        match self.find_on_coarser(surface.mesh) {
+            Some(positions) => {
+                let closest = ClosestPoint::on(surface.mesh);
+                let places = positions.into_iter().map(|position| {
+                    let SurfacePoint { face, weights, .. } = closest.to(position);
+                    surface.place(Point { corners: surface.mesh.faces()[face], weights })
+                });
+                self.moved(surface, places.collect(), ROUNDS)
+            }
+            None => self.search(surface),
+        }
+    }
+
+    /// Where the landmarks lie on a simplification of a mesh of many vertices; none where the mesh has few.
+    fn find_on_coarser(&self, mesh: &TriMesh) -> Option<Vec<[f64; 3]>> {
+        if mesh.n() <= 2 * COARSE {
+            return None;
+        }
+        // Nothing is jittered, so nothing depends on the seed.
+        let coarser = simplify(mesh, COARSE, 0.0, &mut ChaCha8Rng::seed_from_u64(0)).ok()?;
+        let surface = Surface::of(&coarser);
+        let positions = self.search(&surface).into_iter().map(|p| surface.position(&p.point));
+        Some(positions.collect())
+    }
+
+    fn search(&self, surface: &Surface<'_>) -> Vec<Place> {
         let candidates = farthest_points(surface, CANDIDATES.max(self.count.min(OPENING)));
         let started: Vec<Vec<Place>> = self
             .openings(&candidates)
@@ -258,13 +292,16 @@ impl<'m> Surface<'m> {
     }
 
     fn place(&self, point: Point) -> Place {
-        let positions = self.mesh.corners(point.corners);
-        let position: [f64; 3] =
-            std::array::from_fn(|c| (0..3).map(|i| point.weights[i] * positions[i][c]).sum());
+        let (positions, position) = (self.mesh.corners(point.corners), self.position(&point));
         let known =
             [0, 1, 2].map(|i| (point.corners[i] as usize, norm(sub(positions[i], position))));
         let distances = self.geodesics.from_known(&known).into_iter();
         Place { point, distances: distances.map(|d| (d / self.unit).min(ELSEWHERE)).collect() }
+    }
+
+    fn position(&self, point: &Point) -> [f64; 3] {
+        let corners = self.mesh.corners(point.corners);
+        std::array::from_fn(|c| (0..3).map(|i| point.weights[i] * corners[i][c]).sum())
     }
 
     fn vertex(&self, vertex: usize) -> Point {
@@ -318,8 +355,8 @@ fn distances_from_centroid(mesh: &TriMesh) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::closest::ClosestPoint;
     use crate::mesh::sample::icosphere;
+    use crate::mesh::subdivide::subdivide;
     use crate::mesh::trimesh::{cross, dot};
     use crate::remesh::{Family, FamilyRecipe, Operation};
 
@@ -327,18 +364,15 @@ mod tests {
         crate::mesh::load("tests/data/meshes/spot_829.obj".as_ref()).unwrap().mesh
     }
 
-    fn position(mesh: &TriMesh, point: &Point) -> [f64; 3] {
-        let corners = mesh.corners(point.corners);
-        std::array::from_fn(|c| (0..3).map(|i| point.weights[i] * corners[i][c]).sum())
-    }
-
     #[test]
     fn a_mesh_finds_its_own_landmarks() {
-        let mesh = spot();
-        let landmarks = Landmarks::of(&mesh, 16);
-        let surface = Surface::of(&mesh);
-        for (found, own) in landmarks.find(&surface).iter().zip(farthest_points(&surface, 16)) {
-            assert_eq!(position(&mesh, &found.point), position(&mesh, &own.point));
+        // The finer one has so many vertices that it is simplified first.
+        for mesh in [spot(), subdivide(&spot())] {
+            let landmarks = Landmarks::of(&mesh, 16);
+            let surface = Surface::of(&mesh);
+            for (found, own) in landmarks.find(&surface).iter().zip(farthest_points(&surface, 16)) {
+                assert_eq!(surface.position(&found.point), surface.position(&own.point));
+            }
         }
     }
 
@@ -400,11 +434,12 @@ mod tests {
         let landmarks = Landmarks::of(&icosphere(2), 8);
         let errors = [2, 3, 4].map(|level| {
             let mesh = icosphere(level);
-            let places = landmarks.find(&Surface::of(&mesh));
+            let surface = Surface::of(&mesh);
+            let places = landmarks.find(&surface);
             let errors: Vec<f64> = places
                 .iter()
                 .flat_map(|place| {
-                    let s = position(&mesh, &place.point);
+                    let s = surface.position(&place.point);
                     let angle = move |p: [f64; 3]| norm(cross(s, p)).atan2(dot(s, p));
                     let unit = (4.0 * std::f64::consts::PI).sqrt();
                     let all = place.distances.iter().zip(mesh.vertices());
