@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-use crate::ggnn::features::Normalise;
+use crate::ggnn::features::FeatureOptions;
 use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
-use crate::ggnn::{features, recipe::Ritz};
+use crate::ggnn::recipe::Ritz;
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 use crate::spectrum::mpgd::Stopping;
@@ -42,14 +42,6 @@ pub struct Pipeline {
 pub struct Input {
     /// Mesh files, or folders that are searched for them; relative to the pipeline file.
     pub paths: Vec<PathBuf>,
-}
-
-/// `[features]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub struct FeatureOptions {
-    /// `area`: coordinates are centred and scaled to unit area; `none`: as they are.
-    pub normalise: Normalise,
 }
 
 /// `[train]`
@@ -128,11 +120,11 @@ impl Default for Train {
 }
 
 impl Train {
-    /// The recipe that these options make.
-    pub fn recipe(&self) -> Ritz {
+    /// The recipe that these options make for `inputs` features per vertex.
+    pub fn recipe(&self, inputs: usize) -> Ritz {
         Ritz {
             shape: TrunkShape {
-                inputs: features::COORDINATES,
+                inputs,
                 width: self.width,
                 layers: self.layers,
                 iterations: self.iterations,
@@ -252,13 +244,14 @@ impl Default for Publish {
 }
 
 /// Sizes beyond these are slips of the keyboard, and would be found out by running out of memory.
-const LARGEST: [(&str, usize); 6] = [
+const LARGEST: [(&str, usize); 7] = [
     ("train.k", 10_000),
     ("train.width", 8_192),
     ("train.layers", 64),
     ("train.iterations", 64),
     ("train.shards", 256),
     ("family.members", 10_000),
+    ("features.landmarks", 1_024),
 ];
 
 /// More would make meshes of hundreds of times the size.
@@ -348,6 +341,7 @@ impl Pipeline {
             ("train.batch", batch),
             ("train.shards", shards),
             ("family.members", self.family.members),
+            ("features.landmarks", self.features.landmarks),
             ("verify.mpgd_iterations", self.verify.mpgd_iterations),
         ] {
             if value == 0 {
@@ -358,7 +352,8 @@ impl Pipeline {
                 });
             }
         }
-        let sizes = [k, width, self.train.layers, iterations, shards, self.family.members];
+        let (members, landmarks) = (self.family.members, self.features.landmarks);
+        let sizes = [k, width, self.train.layers, iterations, shards, members, landmarks];
         for ((key, largest), value) in LARGEST.into_iter().zip(sizes) {
             if value > largest {
                 let rule = "is more than can be meant; lower it";
@@ -588,7 +583,7 @@ mod tests {
     fn layers_and_activations_go_by_name_and_only_sggc_iterates() {
         let options =
             "[train]\nlayer = \"gat\"\nactivation = \"relu\"\ninitial_weights = \"positive\"";
-        let recipe = parse(options, &[]).unwrap().train.recipe();
+        let recipe = parse(options, &[]).unwrap().train.recipe(3);
         assert_eq!(recipe.shape.layer, Layer::Gat);
         assert_eq!(recipe.shape.activation, Activation::Relu);
         assert_eq!(recipe.ranges.interval, Interval::Positive);

@@ -65,6 +65,49 @@ fn a_changed_recipe_retrains_all_and_a_changed_tolerance_nothing() {
     assert_eq!(computed(&events), []);
 }
 
+/// The events of a run that may judge its few steps of training too bad.
+fn events_with(workspace: &Workspace, change: &str) -> (Vec<Event>, [usize; 2]) {
+    let before = workspace.events().len();
+    let (code, report) = workspace.report(&["--set", change]);
+    assert!([0, 4].contains(&code), "{change}: {report:?}");
+    (workspace.events().split_off(before), [report.meshes[0].trained, report.meshes[0].reused])
+}
+
+#[test]
+fn another_network_or_another_input_trains_anew_on_the_same_family() {
+    let workspace = Workspace::new(QUICK);
+    during(&workspace, &[]);
+    for change in [
+        "train.layer=gcn",
+        "train.layer=gat",
+        "train.activation=tanh",
+        "train.activation=relu",
+        "train.initial_weights=positive",
+        "features.input=landmarks",
+    ] {
+        let (events, counts) = events_with(&workspace, change);
+        assert_eq!(counts, [3, 0], "{change}");
+        let family = events.iter().filter(|event| event.stage == "remesh");
+        assert!(family.into_iter().all(|event| event.how == How::Reused), "{change}");
+        let (events, counts) = events_with(&workspace, change);
+        assert_eq!((computed(&events), counts), (vec![], [0, 3]), "{change}");
+    }
+}
+
+#[test]
+fn another_family_is_made_and_trained_on() {
+    let workspace = Workspace::new(QUICK);
+    during(&workspace, &[]);
+    for change in [
+        "family.operations=[\"subdivide\", \"simplify\", \"perturb\", \"flip\"]",
+        "family.vertices=[80, 100]",
+    ] {
+        let (events, counts) = events_with(&workspace, change);
+        assert_eq!(counts, [3, 0], "{change}");
+        assert!(computed(&events).contains(&("remesh", None)), "{change}");
+    }
+}
+
 #[test]
 fn another_file_with_the_same_numbers_shares_everything() {
     let workspace = Workspace::new(QUICK);

@@ -2,21 +2,106 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::landmarks::Landmarks;
 use crate::mesh::TriMesh;
+use crate::mesh::trimesh::{norm, sub};
+use crate::operators::Pattern;
 
-/// How coordinates are prepared.
+/// `[features]`: what the network is to read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FeatureOptions {
+    /// `coordinates`, `edge-lengths` or `landmarks`.
+    pub input: Input,
+    /// `area`: no feature depends on units, and coordinates are centred; `none`: in input units, as they are.
+    pub normalise: Normalise,
+    /// How many landmarks, where they are the input.
+    pub landmarks: usize,
+}
+
+/// `features.input`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Input {
+    /// x, y, z, as in (28).
+    #[default]
+    Coordinates,
+    /// The shortest, the mean and the longest edge at a vertex: the paper's Fig. 9 in three numbers. They do not depend
+    /// on place and pose, but hardly tell vertices apart.
+    EdgeLengths,
+    /// Geodesic distances from landmarks, see [`super::landmarks`]. They do not depend on place and pose either.
+    Landmarks,
+}
+
+/// How features are prepared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Normalise {
-    /// Centred at the surface's centroid and scaled to unit area, so that nothing depends on units.
+    /// Coordinates are centred at the surface's centroid and scaled to unit area, as distances are; edge lengths are
+    /// in units of √(area/n). Nothing depends on units.
     #[default]
     Area,
     /// As they are in the file.
     None,
 }
 
-/// Coordinates are the three input features d of a vertex.
+/// Coordinates are three input features d of a vertex.
 pub const COORDINATES: usize = 3;
+
+/// Of the lengths of its edges a vertex has three, too.
+const EDGE_LENGTHS: usize = 3;
+
+impl Default for FeatureOptions {
+    fn default() -> Self {
+        Self { input: Input::Coordinates, normalise: Normalise::Area, landmarks: 16 }
+    }
+}
+
+impl FeatureOptions {
+    /// d: features per vertex.
+    pub fn inputs(&self) -> usize {
+        match self.input {
+            Input::Coordinates => COORDINATES,
+            Input::EdgeLengths => EDGE_LENGTHS,
+            Input::Landmarks => self.landmarks,
+        }
+    }
+}
+
+/// What a model reads of every mesh, its own shape's landmarks among it: part of the model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Features {
+    /// [`coordinates`].
+    Coordinates(Normalise),
+    /// [`edge_lengths`].
+    EdgeLengths(Normalise),
+    /// [`landmark_distances`].
+    Landmarks(Normalise, Landmarks),
+}
+
+impl Features {
+    /// What the model of the shape `mesh` reads.
+    pub fn of(mesh: &TriMesh, options: FeatureOptions) -> Self {
+        let FeatureOptions { input, normalise, landmarks } = options;
+        match input {
+            Input::Coordinates => Self::Coordinates(normalise),
+            Input::EdgeLengths => Self::EdgeLengths(normalise),
+            Input::Landmarks => Self::Landmarks(normalise, Landmarks::of(mesh, landmarks)),
+        }
+    }
+
+    /// The features of every vertex of a mesh of that shape, row-major n×d.
+    pub fn read(&self, mesh: &TriMesh) -> Vec<f64> {
+        match self {
+            Self::Coordinates(normalise) => coordinates(mesh, *normalise),
+            Self::EdgeLengths(normalise) => edge_lengths(mesh, *normalise),
+            Self::Landmarks(normalise, landmarks) => {
+                landmark_distances(mesh, landmarks, *normalise)
+            }
+        }
+    }
+}
 
 /// The coordinates of every vertex, row-major n×3, prepared as asked.
 pub fn coordinates(mesh: &TriMesh, normalise: Normalise) -> Vec<f64> {
@@ -40,10 +125,65 @@ pub fn coordinates(mesh: &TriMesh, normalise: Normalise) -> Vec<f64> {
     }
 }
 
+/// The shortest, the mean and the longest edge of every vertex, row-major n×3; in units of √(area/n), the spacing of n
+/// vertices on the surface, or as they are.
+pub fn edge_lengths(mesh: &TriMesh, normalise: Normalise) -> Vec<f64> {
+    let unit = match normalise {
+        Normalise::Area => (mesh.area().0 / mesh.n() as f64).sqrt(),
+        Normalise::None => 1.0,
+    };
+    let pattern = Pattern::of_mesh(mesh);
+    let place = |vertex: usize| mesh.vertices()[vertex];
+    (0..mesh.n())
+        .flat_map(|vertex| {
+            let neighbours = pattern.row(vertex).iter().map(|&j| j as usize);
+            let lengths = neighbours
+                .filter(|&j| j != vertex)
+                .map(|j| norm(sub(place(j), place(vertex))) / unit);
+            let shortest = lengths.clone().fold(f64::INFINITY, f64::min);
+            let longest = lengths.clone().fold(0.0, f64::max);
+            let (sum, count) = lengths.fold((0.0, 0.0), |(sum, count), l| (sum + l, count + 1.0));
+            [shortest, sum / count, longest]
+        })
+        .collect()
+}
+
+/// The distances of every vertex from m landmarks, row-major n×m, in units of √area or as they are, times √(2/m): like
+/// the coordinates, all together then change by √2 for every unit of way, whatever m, so that a range of encoder
+/// weights stands for the same frequencies.
+pub fn landmark_distances(mesh: &TriMesh, landmarks: &Landmarks, normalise: Normalise) -> Vec<f64> {
+    let unit = match normalise {
+        Normalise::Area => 1.0,
+        Normalise::None => mesh.area().0.sqrt(),
+    };
+    let scale = unit * (2.0 / landmarks.count() as f64).sqrt();
+    landmarks.distances_on(mesh).into_iter().map(|d| scale * d).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mesh::sample::icosphere;
+
+    /// The same mesh turned about (1, 1, 1), 250 times as large and elsewhere.
+    fn moved(mesh: &TriMesh) -> TriMesh {
+        let place = |&[x, y, z]: &[f64; 3]| [z, x, y].map(|c| 250.0 * c + 31.0);
+        let vertices = mesh.vertices().iter().map(place).collect();
+        TriMesh::new(vertices, mesh.faces().to_vec()).unwrap()
+    }
+
+    fn spot() -> TriMesh {
+        crate::mesh::load("tests/data/meshes/spot_829.obj".as_ref()).unwrap().mesh
+    }
+
+    fn options(input: Input) -> FeatureOptions {
+        FeatureOptions { input, ..FeatureOptions::default() }
+    }
+
+    fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+        assert_eq!(a.len(), b.len());
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
 
     #[test]
     fn normalised_coordinates_do_not_depend_on_place_or_units() {
@@ -51,7 +191,41 @@ mod tests {
         let moved = mesh.vertices().iter().map(|p| p.map(|c| 250.0 * c + 31.0)).collect();
         let moved = TriMesh::new(moved, mesh.faces().to_vec()).unwrap();
         let (a, b) = (coordinates(&mesh, Normalise::Area), coordinates(&moved, Normalise::Area));
-        assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(largest_difference(&a, &b) < 1e-12);
         assert_ne!(coordinates(&mesh, Normalise::None), coordinates(&moved, Normalise::None));
+    }
+
+    #[test]
+    fn edge_lengths_and_landmarks_do_not_depend_on_the_pose_either() {
+        let (mesh, other) = (spot(), moved(&spot()));
+        for input in [Input::EdgeLengths, Input::Landmarks] {
+            let features = Features::of(&mesh, options(input));
+            assert!(largest_difference(&features.read(&mesh), &features.read(&other)) < 1e-10);
+            let units = FeatureOptions { normalise: Normalise::None, ..options(input) };
+            let features = Features::of(&mesh, units);
+            let larger: Vec<f64> = features.read(&mesh).iter().map(|x| 250.0 * x).collect();
+            assert!(largest_difference(&larger, &features.read(&other)) < 1e-8);
+        }
+    }
+
+    #[test]
+    fn every_input_has_the_features_that_its_options_say() {
+        let mesh = icosphere(1);
+        for input in [Input::Coordinates, Input::EdgeLengths, Input::Landmarks] {
+            let found = Features::of(&mesh, options(input)).read(&mesh).len();
+            assert_eq!(found, mesh.n() * options(input).inputs());
+        }
+    }
+
+    #[test]
+    fn edge_lengths_are_those_of_the_icosahedron_and_keep_their_size_when_it_is_subdivided() {
+        let mesh = icosphere(0);
+        let edge = norm(sub(mesh.vertices()[0], mesh.vertices()[11]));
+        let lengths = edge_lengths(&mesh, Normalise::None);
+        assert!(lengths.iter().all(|l| (l - edge).abs() < 1e-15));
+        let mean = |mesh: &TriMesh| {
+            edge_lengths(mesh, Normalise::Area).iter().sum::<f64>() / (3 * mesh.n()) as f64
+        };
+        assert!((mean(&icosphere(2)) / mean(&icosphere(4)) - 1.0).abs() < 0.01);
     }
 }

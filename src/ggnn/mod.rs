@@ -2,6 +2,7 @@
 //!
 //! - [`ops`]: the differentiable operations
 //! - [`features`]: what the network reads at every vertex
+//! - [`landmarks`]: points of a shape that are found again on every mesh of it
 //! - [`network`]: encoder and hidden layers, (27)–(29)
 //! - [`deflation`]: keeping a function away from the earlier eigenfunctions
 //! - [`head`]: the decoder, solved by Rayleigh–Ritz
@@ -16,6 +17,7 @@ pub mod block;
 pub mod deflation;
 pub mod features;
 pub mod head;
+pub mod landmarks;
 pub mod likeness;
 pub mod model;
 pub mod network;

@@ -76,7 +76,11 @@ impl<'m> Geodesics<'m> {
         distances
     }
 
-    /// The triangles around a vertex.
+    /// The triangles around a vertex, by their corners.
+    pub fn triangles_around(&self, vertex: usize) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.around(vertex).iter().map(|&face| self.mesh.faces()[face as usize])
+    }
+
     fn around(&self, vertex: usize) -> &[u32] {
         &self.faces[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }

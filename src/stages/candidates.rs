@@ -67,13 +67,13 @@ pub fn predict(
     mut trained: InTraining,
 ) -> Result<Candidates, Failure> {
     let started = Instant::now();
-    let features = context.pipeline.features.normalise;
     let k = context.pipeline.train.k;
     let known = trained.known();
-    let InTraining { assembled, blocks, .. } = &mut trained;
+    let InTraining { assembled, blocks, training, .. } = &mut trained;
+    let features = &training.features;
     let work = blocks.iter().fold(
         Work::<PredictionArtifact>::of_stage()
-            .param("features", canonical(&features))
+            .param("features", canonical(features))
             .param("k", k.to_string())
             .input("mesh", &assembled.loaded.digest())
             .input("operators", &assembled.operators_digest),
@@ -81,7 +81,7 @@ pub fn predict(
     );
     let recalled = context.recall(item, work.seeded(0, "f32"), || {
         let operators = &assembled.operators;
-        let input = network_input(context, &assembled.loaded.ingested.mesh, operators);
+        let input = network_input(features, &assembled.loaded.ingested.mesh, operators);
         let blocks: Vec<&Block> = blocks.iter().map(|trained| &*trained.block).collect();
         let problem = assembled.problem(context.pipeline.operators.boundary)?;
         let zeros = problem.nullspace();

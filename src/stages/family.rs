@@ -8,7 +8,7 @@ use super::context::Context;
 use super::remesh::Familied;
 use super::train::InTraining;
 use crate::flow::events::How;
-use crate::ggnn::features::coordinates;
+use crate::ggnn::features::Features;
 use crate::ggnn::predict::NetworkInput;
 use crate::ggnn::sample::Member;
 use crate::mesh::TriMesh;
@@ -23,6 +23,8 @@ use crate::store::Digest;
 pub struct TrainingSet {
     /// The members, scaled to unit area.
     pub members: Vec<Member>,
+    /// What the network reads of them, and of every other mesh of the shape.
+    pub features: Features,
     /// The eigenfunctions of λ = 0 on every member.
     pub nullspaces: Vec<Dense>,
     /// Of the family's meshes.
@@ -40,6 +42,7 @@ pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<InT
     let Familied { mut assembled, family, family_digest } = familied;
     let mut operators_digests = Vec::new();
     let (mut members, mut nullspaces) = (Vec::new(), Vec::new());
+    let features = Features::of(&assembled.loaded.ingested.mesh, context.pipeline.features);
     let mut how = How::Reused;
     for mesh in &family.members {
         let recalled = operators_of(context, item, mesh)?;
@@ -47,29 +50,28 @@ pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<InT
             how = How::Computed;
         }
         operators_digests.push(recalled.digest);
-        let member = member(context, mesh, recalled.artifact.into());
+        let member = member(&features, mesh, recalled.artifact.into());
         nullspaces.push(nullspace(&component_labels(mesh), &member.mass));
         members.push(member);
     }
     assembled.loaded.spent("assemble family", how, started.elapsed());
     Ok(InTraining::new(
         assembled,
-        TrainingSet { members, nullspaces, family_digest, operators_digests },
+        TrainingSet { members, features, nullspaces, family_digest, operators_digests },
     ))
 }
 
 /// A member as training sees it: the mass scaled to add up to 1, a surface of unit area (Proposition 1).
-fn member(context: &Context, mesh: &TriMesh, operators: Operators) -> Member {
+fn member(features: &Features, mesh: &TriMesh, operators: Operators) -> Member {
     let total = operators.total_mass();
     Member {
-        input: network_input(context, mesh, &operators),
+        input: network_input(features, mesh, &operators),
         stiffness: operators.stiffness,
         mass: operators.mass.map(|b| b / total),
     }
 }
 
 /// What the network reads of a mesh.
-pub fn network_input(context: &Context, mesh: &TriMesh, operators: &Operators) -> NetworkInput {
-    let features = coordinates(mesh, context.pipeline.features.normalise);
-    NetworkInput::new(&features, &operators.adjacency)
+pub fn network_input(features: &Features, mesh: &TriMesh, operators: &Operators) -> NetworkInput {
+    NetworkInput::new(&features.read(mesh), &operators.adjacency)
 }

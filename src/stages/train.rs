@@ -79,12 +79,11 @@ pub fn train(
     let started = Instant::now();
     let training = state.training.clone();
     let options = &context.pipeline.train;
-    let recipe = options.recipe();
-    let features = context.pipeline.features.normalise;
+    let recipe = options.recipe(context.pipeline.features.inputs());
     let family = Work::<BlockArtifact>::of_stage()
         .part(k)
         .param("recipe", canonical(&recipe))
-        .param("features", canonical(&features))
+        .param("features", canonical(&training.features))
         .input("family", &training.family_digest);
     let members = training.operators_digests.iter();
     let work = members.fold(family, |work, operators| work.input("operators", operators));
