@@ -13,6 +13,7 @@ fn pair(k: usize, lambda: f64, stopped_by: Option<StoppedBy>) -> PairReport {
         pair: Eigenpair {
             k,
             lambda,
+            lambda_refined: None,
             lambda_area: 12.0 * lambda,
             source,
             cluster: k - 1,
