@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use comfy_table::CellAlignment::{Left, Right};
-use comfy_table::Table;
+use comfy_table::{LineStyle, Table};
 use comfy_table::presets::NOTHING;
 use serde::Serialize;
 
@@ -195,7 +195,7 @@ const COLUMNS: [(&str, comfy_table::CellAlignment); 6] = [
 
 fn text(listed: &[Listed]) -> String {
     let mut table = Table::new();
-    table.load_style(NOTHING);
+    table.load_style(NOTHING.header_separator(LineStyle::none().fill('─').junction('─')));
     table.set_header(COLUMNS.map(|(title, _)| title));
     for Listed { name, description, k, whole } in listed {
         let state = if *whole { "whole" } else { "blocks are missing" };

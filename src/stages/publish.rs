@@ -71,7 +71,7 @@ pub fn publish_predicted(context: &Context, predicted: Predicted) -> Result<Mesh
     write(context, loaded, results, |stages| solved_record(stages, how, order.len()))
 }
 
-/// Why a prediction that nobody asked to verify is not verified.
+/// Why predictions that nobody asked to verify are not verified.
 pub const NOT_VERIFIED: &str = "a prediction, held against nothing; --verify certifies it, for the price of both reference solvers";
 
 /// What is written of a mesh.
