@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use comfy_table::CellAlignment::{Left, Right};
-use comfy_table::{LineStyle, Table};
 use comfy_table::presets::NOTHING;
+use comfy_table::{LineStyle, Table};
 use serde::Serialize;
 
 use super::exit::Exit;
