@@ -199,14 +199,14 @@ mod tests {
         let mesh = icosphere(3);
         posed(&mesh, MassKind::Consistent, |problem, analysis| {
             let pencil = TrianglePencil::of_mesh(&mesh, MassKind::Consistent).unwrap();
-            let reference = fem::lowest(problem, analysis, 6).unwrap().pairs;
+            let reference = fem::lowest(problem, analysis, 6).unwrap().pairs.truncated(6);
             let mut phi = reference.vectors.clone();
             phi.subcols_mut(1, 5).copy_from(nearly(&reference, 6));
             let refined = rayleigh_ritz(&pencil, &phi, 1, 1e-9).unwrap();
             let (a, m) = problem.pencil().projected(&phi.subcols(1, 5).to_owned());
             let expected = ritz_pairs(&a, &m, 0.0).values;
             for (found, expected) in refined.values[1..].iter().zip(&expected) {
-                assert!((found / expected - 1.0).abs() < 1e-10);
+                assert!((found / expected - 1.0).abs() < 1e-11, "{found} {expected}");
             }
             let quotients = pencil.rayleigh_quotients(&phi);
             let sum = |values: &[f64]| values.iter().sum::<f64>();
