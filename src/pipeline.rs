@@ -45,11 +45,16 @@ pub struct Input {
 }
 
 /// `[train]`
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Train {
-    /// `lep-dpinn`: blocks are trained, and predict; `fem`: the reference solver alone; `mpgd`: the paper's Algorithm 1.
+    /// `lep-dpinn`: blocks are trained, and predict; `predict`: those of a trained model do; `fem`: the reference solver
+    /// alone; `mpgd`: the paper's Algorithm 1.
     pub method: Method,
+    /// The model of `predict`: a file, relative to the pipeline file, or a name in the cache. Empty for none.
+    pub model: String,
+    /// What is made of learned eigenfunctions.
+    pub refine: Refine,
     /// K: eigenpairs, the constant included.
     pub k: usize,
     /// Seeds the initial weights and the order of batches.
@@ -93,6 +98,32 @@ pub enum Method {
     Fem,
     /// M-PGD, without any training.
     Mpgd,
+    /// A trained model, without any training here.
+    Predict,
+}
+
+/// `train.refine`: a second result beside the learned eigenpairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Refine {
+    /// None.
+    #[default]
+    None,
+    /// The Ritz pairs on the span of the learned functions.
+    RayleighRitz,
+    /// The reference solver's iteration, started from the learned functions.
+    Full,
+}
+
+impl Refine {
+    /// The name used in files, tables and keys.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::RayleighRitz => "rayleigh-ritz",
+            Self::Full => "full",
+        }
+    }
 }
 
 impl Default for Train {
@@ -100,6 +131,8 @@ impl Default for Train {
         let Ritz { shape, ranges, steps, batch, learning_rate, ridge, shards } = Ritz::default();
         Self {
             method: Method::LepDpinn,
+            model: String::new(),
+            refine: Refine::None,
             k: 8,
             seed: 0,
             width: shape.width,
@@ -294,6 +327,9 @@ impl Pipeline {
         let mut pipeline = Self::parse(&name, &text, assignments)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         pipeline.input.paths.iter_mut().for_each(|p| *p = folder.join(&*p));
+        if is_model_file(&pipeline.train.model) {
+            pipeline.train.model = folder.join(&pipeline.train.model).display().to_string();
+        }
         Ok(pipeline)
     }
 
@@ -329,6 +365,7 @@ impl Pipeline {
     /// # Errors
     /// [`PipelineError::Value`].
     pub fn check(&self) -> Result<(), PipelineError> {
+        self.check_method()?;
         self.check_operators()?;
         self.verify.check_step()?;
         self.train.check_layer()?;
@@ -418,6 +455,31 @@ impl Pipeline {
         Ok(())
     }
 
+    fn check_method(&self) -> Result<(), PipelineError> {
+        let Train { method, model, refine, .. } = &self.train;
+        let refuse = |key, value: &str, rule| {
+            Err(PipelineError::Value { key, value: format!("{value:?}"), rule })
+        };
+        match method {
+            Method::Predict if model.is_empty() => refuse(
+                "train.model",
+                "",
+                "train.method = \"predict\" needs a model: a file, or a name of `chladni model list`",
+            ),
+            Method::LepDpinn | Method::Fem | Method::Mpgd if !model.is_empty() => refuse(
+                "train.model",
+                model,
+                "is for train.method = \"predict\"; set that, or leave it out",
+            ),
+            Method::Fem | Method::Mpgd if *refine != Refine::None => refuse(
+                "train.refine",
+                refine.name(),
+                "is for learned eigenfunctions; solved ones are as good as they get",
+            ),
+            _ => Ok(()),
+        }
+    }
+
     fn check_operators(&self) -> Result<(), PipelineError> {
         let OperatorOptions { laplacian, mass, robust: _, boundary } = self.operators;
         if let (Some(mass), Err(_)) = (mass, self.operators.mass_kind()) {
@@ -428,7 +490,7 @@ impl Pipeline {
                 rule,
             });
         }
-        if self.train.method != Method::LepDpinn {
+        if matches!(self.train.method, Method::Fem | Method::Mpgd) {
             return Ok(());
         }
         if boundary == Boundary::Dirichlet {
@@ -450,6 +512,14 @@ impl Pipeline {
         }
         Ok(())
     }
+}
+
+/// The ending of model files.
+pub const MODEL_EXTENSION: &str = "safetensors";
+
+/// Whether a model is named by its file: it ends as one, or has folders. Anything else is a name in the cache.
+pub fn is_model_file(model: &str) -> bool {
+    model.contains(['/', '\\']) || model.ends_with(&format!(".{MODEL_EXTENSION}"))
 }
 
 /// A message of the parser in words that are not Rust's.

@@ -9,6 +9,7 @@ pub mod exit;
 mod info;
 mod logging;
 mod model;
+mod predict;
 mod run;
 mod solve;
 
@@ -35,6 +36,8 @@ enum Command {
     Solve(solve::Arguments),
     /// Say what ingest sees of a mesh: counts, topology, defects, hash
     Info(info::Arguments),
+    /// Predict the eigenpairs of one mesh with a trained model, by forward passes alone
+    Predict(predict::Arguments),
     /// Look after models: trained blocks that can predict on other samplings of a shape
     #[command(subcommand)]
     Model(model::Command),
@@ -68,6 +71,7 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run::execute(arguments),
         Command::Solve(arguments) => solve::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
+        Command::Predict(arguments) => predict::execute(&arguments),
         Command::Model(command) => model::execute(&command),
         Command::Cache(command) => cache::execute(&command),
     };

@@ -1,10 +1,11 @@
 //! `chladni model list|export|import`: the models of the cache, and models as files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use comfy_table::CellAlignment::{Left, Right};
-use comfy_table::Table;
 use comfy_table::presets::NOTHING;
+use comfy_table::{LineStyle, Table};
 use serde::Serialize;
 
 use super::exit::Exit;
@@ -12,8 +13,10 @@ use super::{CacheLocation, Format, Refusal, cache, print, print_json};
 use crate::ggnn::Model;
 use crate::ggnn::model::TrainedMesh;
 use crate::operators::Boundary;
+use crate::pipeline::is_model_file;
 use crate::publish::write_if_changed;
 use crate::stages::models::{self, Listed, ModelError};
+use crate::stages::predict::GivenModel;
 use crate::store::Store;
 
 #[derive(Debug, clap::Subcommand)]
@@ -132,8 +135,24 @@ fn import(arguments: &Import) -> Result<Exit, Refusal> {
     Ok(Exit::Success)
 }
 
+/// The model that `reference` means: a file, or a name in the cache. A name that is also a file's is taken as the file.
+pub fn given(reference: &str, cache: &CacheLocation) -> Result<Arc<GivenModel>, Refusal> {
+    let path = Path::new(reference);
+    if is_model_file(reference) || path.is_file() {
+        let model = Model::load(path).map_err(Refusal::usage)?;
+        return Ok(GivenModel::new(reference.into(), model));
+    }
+    given_by_name(reference, &existing(cache)?)
+}
+
+/// The model of this name, or of the only name that begins so.
+pub fn given_by_name(name: &str, store: &Store) -> Result<Arc<GivenModel>, Refusal> {
+    let (name, model) = models::load(store, name).map_err(refusal)?;
+    Ok(GivenModel::new(name, model))
+}
+
 /// The cache, which has to be there: a look must not make one.
-pub fn existing(cache: &CacheLocation) -> Result<Store, Refusal> {
+fn existing(cache: &CacheLocation) -> Result<Store, Refusal> {
     if !Store::exists(&cache.dir) {
         return Err(Refusal::usage(format!(
             "{}: there is no cache, and so no model; give the folder of a cache with --cache or CHLADNI_CACHE",
@@ -144,7 +163,7 @@ pub fn existing(cache: &CacheLocation) -> Result<Store, Refusal> {
 }
 
 /// All but a broken store is the user's to mend.
-pub fn refusal(error: ModelError) -> Refusal {
+fn refusal(error: ModelError) -> Refusal {
     match error {
         ModelError::Store(error) => cache::refusal(error),
         error => Refusal::usage(error),
@@ -176,7 +195,7 @@ const COLUMNS: [(&str, comfy_table::CellAlignment); 6] = [
 
 fn text(listed: &[Listed]) -> String {
     let mut table = Table::new();
-    table.load_style(NOTHING);
+    table.load_style(NOTHING.header_separator(LineStyle::none().fill('─').junction('─')));
     table.set_header(COLUMNS.map(|(title, _)| title));
     for Listed { name, description, k, whole } in listed {
         let state = if *whole { "whole" } else { "blocks are missing" };

@@ -7,12 +7,15 @@ use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
+use super::model::given_by_name;
 use super::{CacheLocation, Format, Refusal, cache, print, print_json};
 use crate::flow::events::EventFile;
-use crate::pipeline::Pipeline;
+use crate::ggnn::Model;
+use crate::pipeline::{Method, Pipeline, Train, is_model_file};
 use crate::publish::report::{MeshReport, Status};
 use crate::publish::table::run_table;
 use crate::stages::intake;
+use crate::stages::predict::GivenModel;
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::store::Store;
 
@@ -68,10 +71,12 @@ fn start(
     events: EventFile,
 ) -> Result<Exit, Refusal> {
     let store = Store::open(&arguments.cache.dir).map_err(cache::refusal)?;
+    let model = given_model(&pipeline, &store)?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let cancel = CancellationToken::new();
     let request = Run {
         pipeline,
+        model,
         jobs,
         out: arguments.out.clone(),
         store: Some(store),
@@ -102,6 +107,21 @@ fn start(
             .chain(defect.then_some(Exit::Internal))
             .chain(cancel.is_cancelled().then_some(Exit::Interrupted)),
     ))
+}
+
+/// The model of `train.method = "predict"`.
+fn given_model(pipeline: &Pipeline, store: &Store) -> Result<Option<Arc<GivenModel>>, Refusal> {
+    let Train { method, model, k, .. } = &pipeline.train;
+    if *method != Method::Predict {
+        return Ok(None);
+    }
+    let given = if is_model_file(model) {
+        GivenModel::new(model.clone(), Model::load(model.as_ref()).map_err(Refusal::usage)?)
+    } else {
+        given_by_name(model, store)?
+    };
+    given.model.check_count(*k).map_err(Refusal::usage)?;
+    Ok(Some(given))
 }
 
 fn exit_of(mesh: &MeshReport) -> Exit {

@@ -102,7 +102,7 @@ struct Solution<'a> {
     mesh: &'a MeshSummary,
     eigenvalues: Vec<f64>,
     certificate: Checks<'a>,
-    quality: TriangleQuality,
+    quality: Option<TriangleQuality>,
     repairs: &'a RepairCounts,
     out: Option<&'a str>,
     seconds: f64,
@@ -111,7 +111,7 @@ struct Solution<'a> {
 #[derive(Debug, Serialize)]
 struct Checks<'a> {
     orthonormality: f64,
-    completeness: &'a Completeness,
+    completeness: Option<&'a Completeness>,
     eigenpairs: &'a [Eigenpair],
 }
 
@@ -130,7 +130,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
             return Ok(if failure.is_internal() { Exit::Internal } else { Exit::MeshFailed });
         }
     };
-    let spectrum = publish::spectrum(&context.pipeline, &verified);
+    let spectrum = publish::spectrum(&context, &verified);
     let path = arguments.mesh.display().to_string();
     let mut report = if arguments.out.is_some() {
         publish::publish(&context, verified).map_err(Refusal::usage)?
@@ -178,6 +178,7 @@ fn context(arguments: &Arguments) -> Result<Context, Refusal> {
     pipeline.check().map_err(Refusal::usage)?;
     Ok(Context {
         pipeline,
+        model: None,
         out: arguments.out.clone().unwrap_or_default(),
         store: None,
         events: Arc::new(Unheard),
@@ -213,7 +214,7 @@ fn document<'a>(path: &'a str, spectrum: &'a Spectrum, report: &'a MeshReport) -
         eigenvalues: spectrum.eigenpairs.iter().map(|pair| pair.lambda).collect(),
         certificate: Checks {
             orthonormality: spectrum.orthonormality,
-            completeness: &spectrum.completeness,
+            completeness: spectrum.completeness.as_ref(),
             eigenpairs: &spectrum.eigenpairs,
         },
         quality: spectrum.quality,

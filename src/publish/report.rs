@@ -190,7 +190,7 @@ impl MeshReport {
             reason,
             out: Some(out),
             eigenpairs: eigenpairs.collect(),
-            completeness: Some(spectrum.completeness.clone()),
+            completeness: spectrum.completeness.clone(),
             trained: run.trained,
             reused: run.reused,
             seconds: run.seconds,

@@ -33,10 +33,10 @@ pub struct Spectrum {
     /// max |ΦᵀBΦ − I|.
     #[serde(deserialize_with = "null_is_nan")]
     pub orthonormality: f64,
-    /// Whether an eigenvalue was missed or repeated.
-    pub completeness: Completeness,
-    /// How good the triangles are that the operators were assembled from.
-    pub quality: TriangleQuality,
+    /// Whether an eigenvalue was missed or repeated; null where nothing was counted.
+    pub completeness: Option<Completeness>,
+    /// How good the triangles are that the operators were assembled from; null where none were.
+    pub quality: Option<TriangleQuality>,
     /// What was mended between the file and the mesh.
     pub repairs: RepairCounts,
     /// What made these numbers.
@@ -112,6 +112,10 @@ pub struct Eigenpair {
     /// θ, the Rayleigh quotient of φ, in 1/(input unit)².
     #[serde(deserialize_with = "null_is_nan")]
     pub lambda: f64,
+    /// λ of the refined pair; only there when the pair was refined. `lambda` and the angles are those before, all other
+    /// measures and the verdict those of the refined pair.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda_refined: Option<f64>,
     /// λ times the surface area, which has no unit; null for the graph Laplacian.
     #[serde(deserialize_with = "null_is_nan")]
     pub lambda_area: f64,
@@ -155,6 +159,7 @@ impl Eigenpair {
         Self {
             k,
             lambda: measured.lambda,
+            lambda_refined: None,
             lambda_area: measured.lambda * area.0,
             source,
             cluster: measured.cluster,
@@ -178,6 +183,10 @@ pub enum Source {
     Constant,
     /// A block trained on the family of this mesh.
     Trained,
+    /// A model that was given.
+    Predicted,
+    /// A solver, from a learned eigenfunction.
+    Refined,
     /// The reference solver.
     Fem,
     /// M-PGD.
@@ -190,6 +199,8 @@ impl Source {
         match self {
             Self::Constant => "constant",
             Self::Trained => "trained",
+            Self::Predicted => "predicted",
+            Self::Refined => "refined",
             Self::Fem => "fem",
             Self::Mpgd => "mpgd",
         }

@@ -8,7 +8,7 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, LineStyle, Table};
 
 use super::report::{MeshReport, PairReport, RunReport, Status};
-use super::result::{Completeness, Source};
+use super::result::{Completeness, Eigenpair, Source};
 use crate::spectrum::mpgd::StoppedBy;
 
 /// Digits of a hash that the table shows.
@@ -60,6 +60,9 @@ const fn column(
 const K: Column = column("k", CellAlignment::Right, |report, _| report.pair.k.to_string());
 const LAMBDA: Column =
     column("λ", CellAlignment::Right, |report, scale| scale.lambda(report.pair.lambda));
+const LAMBDA_REFINED: Column = column("λ refined", CellAlignment::Right, |report, scale| {
+    report.pair.lambda_refined.map_or("–".to_owned(), |value| scale.lambda(value))
+});
 const LAMBDA_MPGD: Column =
     column("λ M-PGD", CellAlignment::Right, |report, scale| scale.marked(report));
 const LAMBDA_FEM: Column =
@@ -85,6 +88,16 @@ const SECONDS: Column = column("s", CellAlignment::Right, |report, _| {
 /// What is shown of learned pairs, and of M-PGD's: how far they are from the references.
 const COMPARED: [Column; 9] =
     [K, LAMBDA, LAMBDA_MPGD, LAMBDA_FEM, ANGLE, RHO, VERDICT, SOURCE, SECONDS];
+
+/// What is shown of refined pairs: the learned λ and its angle, then what was made of it.
+const REFINED: [Column; 9] =
+    [K, LAMBDA, ANGLE, LAMBDA_REFINED, LAMBDA_FEM, RESIDUAL, VERDICT, SOURCE, SECONDS];
+
+/// What is shown of predictions that were held against nothing.
+const PREDICTED: [Column; 4] = [K, LAMBDA, LAMBDA_AREA, SOURCE];
+
+/// The same, refined.
+const PREDICTED_REFINED: [Column; 5] = [K, LAMBDA, LAMBDA_REFINED, LAMBDA_AREA, SOURCE];
 
 /// What is shown of the reference solver's pairs: what proves them.
 const SOLVED: [Column; 6] = [K, LAMBDA, LAMBDA_AREA, RESIDUAL, VERDICT, SOURCE];
@@ -143,8 +156,7 @@ fn title(mesh: &MeshReport) -> String {
 }
 
 fn pairs(pairs: &[PairReport]) -> String {
-    let solved = pairs.iter().any(|report| report.pair.source == Source::Fem);
-    let columns: &[Column] = if solved { &SOLVED } else { &COMPARED };
+    let columns = columns(pairs);
     let scale = Scale {
         largest: pairs.iter().fold(0.0_f64, |m, report| m.max(report.pair.lambda.abs())),
         marks: pairs.iter().any(mpgd_fell_short),
@@ -160,6 +172,19 @@ fn pairs(pairs: &[PairReport]) -> String {
         shown.set_padding((0, 1));
     }
     table.trim_fmt()
+}
+
+fn columns(pairs: &[PairReport]) -> &'static [Column] {
+    let any = |holds: fn(&Eigenpair) -> bool| pairs.iter().any(|report| holds(&report.pair));
+    let refined = any(|pair| pair.lambda_refined.is_some());
+    let compared = any(|pair| !pair.lambda_fem.is_nan());
+    match (any(|pair| pair.source == Source::Fem), refined, compared) {
+        (true, ..) => &SOLVED,
+        (_, true, true) => &REFINED,
+        (_, true, false) => &PREDICTED_REFINED,
+        (_, false, true) => &COMPARED,
+        (_, false, false) => &PREDICTED,
+    }
 }
 
 fn mpgd_fell_short(report: &PairReport) -> bool {

@@ -39,6 +39,24 @@ pub struct PairCertificate {
     pub mpgd: Option<mpgd::Run>,
 }
 
+impl PairCertificate {
+    /// A pair of which nothing but λ is known.
+    pub fn unmeasured(lambda: f64, cluster: usize) -> Self {
+        let [residual, rho, lambda_fem, lambda_mpgd, angle_fem, angle_mpgd] = [f64::NAN; 6];
+        Self {
+            lambda,
+            cluster,
+            residual,
+            rho,
+            lambda_fem,
+            lambda_mpgd,
+            angle_fem,
+            angle_mpgd,
+            mpgd: None,
+        }
+    }
+}
+
 /// Whether an eigenvalue was missed or repeated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Completeness {

@@ -21,7 +21,7 @@ use super::rayleigh_ritz::ritz_pairs;
 use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError};
 
 /// A residual is small enough when it is below so many roundings of the largest eigenvalue, in the B⁻¹ norm …
-const ROUNDINGS: f64 = 50.0;
+pub(super) const ROUNDINGS: f64 = 50.0;
 
 /// … or below this, relative to the eigenvalue.
 const TOLERANCE: f64 = 1e-10;
@@ -243,7 +243,7 @@ impl<'a> Search<'a> {
 }
 
 /// A lower bound of λ_max: the Rayleigh quotient of one vertex.
-fn largest_eigenvalue(pencil: Pencil<'_>) -> f64 {
+pub(super) fn largest_eigenvalue(pencil: Pencil<'_>) -> f64 {
     let (l, b) = (pencil.stiffness.diag_iter(), pencil.mass.diag_iter());
     let quotient = |(l, b): (Option<&f64>, Option<&f64>)| Some(l? / b?);
     l.zip(b).filter_map(quotient).fold(0.0, f64::max)

@@ -65,6 +65,17 @@ pub struct Ritz {
 impl<'a> Krylov<'a> {
     /// A basis with its first panel: random and orthogonal to `known`. The bits depend on the arguments alone.
     pub fn new(factor: &'a Factor<'a>, mass: &'a Sparse, known: Vec<Panel>, seed: u64) -> Self {
+        Self::from_start(factor, mass, known, Panel::zeros(mass.rows()), seed)
+    }
+
+    /// A basis whose first panel is made of `start`, orthogonal to `known`; columns that are zero become random.
+    pub fn from_start(
+        factor: &'a Factor<'a>,
+        mass: &'a Sparse,
+        known: Vec<Panel>,
+        mut start: Panel,
+        seed: u64,
+    ) -> Self {
         let n = mass.rows();
         let mut krylov = Self {
             factor,
@@ -78,7 +89,9 @@ impl<'a> Krylov<'a> {
             workspace: factor.workspace(),
             product: Panel::zeros(n),
         };
-        let (first, _) = krylov.orthonormalise(Panel::zeros(n), 1.0);
+        krylov.project(&mut start, 0..0);
+        let size = longest(&krylov.gram(&start));
+        let (first, _) = krylov.orthonormalise(start, size);
         krylov.basis.push(first);
         krylov
     }

@@ -11,6 +11,7 @@
 //! - [`panel`]: eight functions side by side, and products of such blocks
 //! - `lanczos`: a Krylov space grown by panels
 //! - [`fem`]: shift-invert block Lanczos, the reference
+//! - [`refine`]: the lowest eigenpairs from functions that are nearly theirs
 //! - [`nullspace`]: the eigenfunctions of λ = 0
 //! - [`mpgd`]: the paper's Algorithm 1, the second opinion
 //! - [`inertia`]: the exact number of eigenvalues below a shift
@@ -35,6 +36,7 @@ pub mod panel;
 pub mod pencil;
 pub mod problem;
 pub mod rayleigh_ritz;
+pub mod refine;
 mod triangular;
 
 pub use certificate::Certificate;

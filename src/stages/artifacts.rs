@@ -32,6 +32,7 @@ artifact!(BlockArtifact, "train", version 1, schema 2);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 2, schema 2);
 artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
+artifact!(RefinementArtifact, "refine", version 1, schema 1);
 artifact!(CertificateArtifact, "certify", version 2, schema 1);
 
 /// The variants of a mesh: positions and triangles.
@@ -265,6 +266,28 @@ impl From<ReferenceArtifact> for Reference {
         let ReferenceArtifact { values, vectors, sigma, count } = artifact;
         let pairs = Eigenpairs { values, vectors: vectors.into() };
         Self { pairs, sigma, count: count.map(|count| count as usize) }
+    }
+}
+
+/// Refined pairs, and how many blocks of solves they took.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct RefinementArtifact {
+    values: Vec<f64>,
+    vectors: Columns,
+    blocks: u32,
+}
+
+impl From<(&Eigenpairs, usize)> for RefinementArtifact {
+    fn from((pairs, blocks): (&Eigenpairs, usize)) -> Self {
+        let vectors = (&pairs.vectors).into();
+        Self { values: pairs.values.clone(), vectors, blocks: blocks as u32 }
+    }
+}
+
+impl From<RefinementArtifact> for (Eigenpairs, usize) {
+    fn from(artifact: RefinementArtifact) -> Self {
+        let RefinementArtifact { values, vectors, blocks } = artifact;
+        (Eigenpairs { values, vectors: vectors.into() }, blocks as usize)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The eigenfunctions that are to be verified, from a model's prediction or from the reference solver itself.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::Failure;
@@ -7,11 +8,14 @@ use super::artifacts::PredictionArtifact;
 use super::assemble::Assembled;
 use super::context::{Context, Recalled, Work, canonical};
 use super::family::network_input;
+use super::predict::Predicted;
+use super::refine::Refinement;
 use super::train::{InTraining, TrainedBlock};
-use super::{models, reference};
+use super::{models, predict, reference};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::predict::predict_all;
+use crate::operators::Operators;
 use crate::pipeline::Method;
 use crate::spectrum::Dense;
 use crate::spectrum::certificate::SecondOpinion;
@@ -29,6 +33,8 @@ pub struct Candidates {
     pub digest: Digest,
     /// Where they come from.
     pub origin: Origin,
+    /// What a solver made of learned ones.
+    pub refinement: Option<Refinement>,
 }
 
 /// Where candidates come from.
@@ -40,6 +46,13 @@ pub enum Origin {
         known: usize,
         /// The blocks of the others.
         blocks: Vec<TrainedBlock>,
+    },
+    /// A given model.
+    Predicted {
+        /// How many of the first are known in advance: the eigenfunctions of λ = 0.
+        known: usize,
+        /// Predicted in this run or reused.
+        how: How,
     },
     /// The reference solver.
     Fem {
@@ -94,8 +107,35 @@ pub fn predict(
         vectors: recalled.artifact.into(),
         digest: recalled.digest,
         origin: Origin::Learned { known, blocks: trained.blocks },
+        refinement: None,
         assembled: trained.assembled,
     })
+}
+
+/// Predicts the eigenfunctions of the mesh with the model of the run.
+///
+/// # Errors
+/// As [`predict::predict`].
+pub fn apply(context: &Context, item: usize, assembled: Assembled) -> Result<Candidates, Failure> {
+    let Assembled { loaded, operators, operators_digest } = assembled;
+    let predicted = predict::predict(context, item, loaded)?;
+    for unlike in &predicted.unlike {
+        tracing::warn!(mesh = predicted.loaded.job.name, "{unlike}");
+    }
+    Ok(predicted.with_operators(operators, operators_digest))
+}
+
+impl Predicted {
+    /// As candidates to be verified.
+    pub fn with_operators(self, operators: Arc<Operators>, operators_digest: Digest) -> Candidates {
+        Candidates {
+            assembled: Assembled { loaded: self.loaded, operators, operators_digest },
+            vectors: self.vectors,
+            digest: self.digest,
+            origin: Origin::Predicted { known: self.known, how: self.how },
+            refinement: self.refinement,
+        }
+    }
 }
 
 /// Solves for the eigenfunctions of the mesh.
@@ -116,7 +156,7 @@ pub fn solve(
             let vectors = opinion.pairs.vectors.clone();
             (vectors, digest, how, spent, Origin::Mpgd { opinion, how })
         }
-        Method::Fem | Method::LepDpinn => {
+        Method::Fem | Method::LepDpinn | Method::Predict => {
             let Recalled { artifact, digest, how, spent, .. } =
                 reference::fem(context, item, &assembled)?;
             let reference = Box::new(Reference::from(artifact));
@@ -126,5 +166,5 @@ pub fn solve(
     };
     assembled.loaded.spent("solve", how, spent);
     let vectors = assembled.problem(context.pipeline.operators.boundary)?.extend(vectors);
-    Ok(Candidates { assembled, vectors, digest, origin })
+    Ok(Candidates { assembled, vectors, digest, origin, refinement: None })
 }

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
 use super::Failure;
+use super::predict::GivenModel;
 use crate::flow::events::{Event, EventSink, How};
 use crate::pipeline::Pipeline;
 use crate::store::{self, Artifact, CacheKey, Digest, KeyBuilder, Store};
@@ -17,6 +18,8 @@ use crate::store::{self, Artifact, CacheKey, Digest, KeyBuilder, Store};
 pub struct Context {
     /// What to compute.
     pub pipeline: Pipeline,
+    /// What `train.method = "predict"` predicts with.
+    pub model: Option<Arc<GivenModel>>,
     /// Where results go.
     pub out: PathBuf,
     /// The cache; without one everything is computed.

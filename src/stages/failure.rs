@@ -1,6 +1,7 @@
 //! Why a mesh could not be processed: one line in the report, and the others go on.
 
 use crate::flow::Panicked;
+use crate::ggnn::model::Unfit;
 use crate::ggnn::train::TrainError;
 use crate::mesh::MeshError;
 use crate::operators::OperatorError;
@@ -37,6 +38,24 @@ pub enum Failure {
     /// Training failed.
     #[error("training φ{k}: {source}")]
     Train { k: usize, source: TrainError },
+    /// The model cannot predict this mesh.
+    #[error(transparent)]
+    Unfit(#[from] Unfit),
+    /// A forward pass gave no function.
+    #[error(
+        "the model predicts no φ{k} here: its values are no numbers, or it is a combination of the earlier ones; \
+         the mesh is not the shape that the model was trained for"
+    )]
+    NotPredicted { k: usize },
+    /// Rayleigh–Ritz found fewer directions than functions.
+    #[error(
+        "the predicted eigenfunctions are linearly dependent, so they cannot be refined; \
+         the mesh is not the shape that the model was trained for"
+    )]
+    Dependent,
+    /// A run was to predict and has nothing to do it with.
+    #[error("train.method = \"predict\" needs a model; name one with train.model")]
+    NoModel,
     /// The results could not be written.
     #[error(transparent)]
     Publish(#[from] PublishError),

@@ -1,8 +1,9 @@
 //! The stages of a run, and the run that joins them: thin joints between the numerics, the store and the engine.
 //!
 //! ```text
-//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► train φ₃ ─► … ─► predict ─┬─► verify ─► publish
-//!                              └─► solve ──────────────────────────────────────────────────┘
+//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► train φ₃ ─► … ─► predict ─► refine ─┬─► verify ─► publish
+//!                              ├─► predict with a given model ─────────────────────────────► refine ─┤
+//!                              └─► solve ────────────────────────────────────────────────────────────┘
 //! ```
 //! - [`intake`]: which meshes there are
 //! - [`context`]: what all stages share; recalling a result or computing it
@@ -10,6 +11,8 @@
 //! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`train`], [`verify`], [`publish`]: one stage each
 //! - [`models`]: trained chains of blocks by name
 //! - [`candidates`]: the stages `predict` and `solve`, which make what is verified
+//! - [`predict`]: prediction with a given model, for which nothing is assembled
+//! - [`refine`]: what a solver makes of learned functions
 //! - [`reference`]: what it is held against
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
@@ -24,8 +27,10 @@ pub mod family;
 pub mod ingest;
 pub mod intake;
 pub mod models;
+pub mod predict;
 pub mod publish;
 pub mod reference;
+pub mod refine;
 pub mod remesh;
 pub mod run;
 pub mod train;

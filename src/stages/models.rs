@@ -13,11 +13,8 @@ use super::context::Context;
 use super::train::TrainedBlock;
 use crate::ggnn::model::{DeflationRule, Description, ModelFileError, TrainedMesh};
 use crate::ggnn::{Block, Model};
-use crate::pipeline::Pipeline;
+use crate::pipeline::{MODEL_EXTENSION as EXTENSION, Pipeline, is_model_file};
 use crate::store::{Artifact, CacheKey, Digest, Store, StoreError};
-
-/// The ending of model files.
-pub const EXTENSION: &str = "safetensors";
 
 /// Digits of a key in a name.
 const SHORT_KEY: usize = 8;
@@ -96,11 +93,6 @@ pub struct Listed {
     pub whole: bool,
 }
 
-/// Whether `reference` means a file: it ends as one, or has folders.
-pub fn is_file(reference: &str) -> bool {
-    reference.contains(['/', '\\']) || reference.ends_with(&format!(".{EXTENSION}"))
-}
-
 /// All models of a store, by name.
 ///
 /// # Errors
@@ -131,7 +123,7 @@ pub fn load(store: &Store, name: &str) -> Result<(String, Model), ModelError> {
 /// # Errors
 /// [`ModelError::Taken`], [`ModelError::Name`], or when the store cannot be written.
 pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError> {
-    if name.is_empty() || name != tidy(name) || is_file(name) {
+    if name.is_empty() || name != tidy(name) || is_model_file(name) {
         return Err(ModelError::Name { name: name.into() });
     }
     let bytes = model.to_bytes();
@@ -307,6 +299,10 @@ mod tests {
         assert_eq!(stem("a/b/spot_829.obj"), "spot_829");
         assert_eq!(stem(".obj"), ".obj");
         assert_eq!(tidy("my scan (2)"), "my-scan--2-");
-        assert!(is_file("m.safetensors") && is_file("a/b") && !is_file("spot_829-4f1c90ab"));
+        assert!(
+            is_model_file("m.safetensors")
+                && is_model_file("a/b")
+                && !is_model_file("spot_829-4f1c90ab")
+        );
     }
 }

@@ -8,13 +8,15 @@ use serde_json::json;
 use super::Failure;
 use super::candidates::Origin;
 use super::context::Context;
+use super::ingest::Loaded;
+use super::predict::Predicted;
 use super::train::TrainedBlock;
 use super::verify::Verified;
 use crate::flow::events::How;
 use crate::mesh::Area;
-use crate::operators::Laplacian;
 use crate::operators::mass::row_sums;
-use crate::pipeline::Pipeline;
+use crate::operators::{Laplacian, MassKind};
+use crate::pipeline::{Method, Pipeline};
 use crate::publish::PublishError;
 use crate::publish::atomic::{remove, write_if_changed};
 use crate::publish::npz::EigenArrays;
@@ -22,29 +24,82 @@ use crate::publish::ply::to_ply;
 use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
 use crate::publish::result::{Eigenpair, MeshSummary, Provenance, Source, Spectrum, Verdict};
 use crate::spectrum::Eigenpairs;
+use crate::spectrum::certificate::PairCertificate;
+use crate::spectrum::cluster::{CLUSTER_GAP, clusters, zero_below};
 
 /// Writes the results of one mesh to its folder and reports them.
 ///
 /// # Errors
 /// When a file cannot be written.
 pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Failure> {
+    let spectrum = spectrum(context, &verified);
+    let Verified { assembled, origin, vectors, order, certificate, judgement, refinement } =
+        verified;
+    let learned = || Eigenpairs {
+        values: certificate.pairs.iter().map(|pair| pair.lambda).collect(),
+        vectors,
+    };
+    let results = Results {
+        pairs: refinement.map_or_else(learned, |refined| refined.pairs),
+        mass: row_sums(&assembled.operators.mass),
+        mass_kind: assembled.operators.mass_kind,
+        reason: (!judgement.is_verified()).then(|| judgement.reason()),
+        spectrum,
+    };
+    write(context, assembled.loaded, results, |stages| record(stages, &origin, &order))
+}
+
+/// Writes predictions that were not verified, and reports them.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn publish_predicted(context: &Context, predicted: Predicted) -> Result<MeshReport, Failure> {
+    let spectrum = predicted_spectrum(context, &predicted);
+    let Predicted { loaded, pencil, vectors, how, refinement, .. } = predicted;
+    let order: Vec<usize> = (0..vectors.ncols()).collect();
+    let learned = || Eigenpairs {
+        values: spectrum.eigenpairs.iter().map(|pair| pair.lambda).collect(),
+        vectors,
+    };
+    let results = Results {
+        pairs: refinement.map_or_else(learned, |refined| refined.pairs),
+        mass: pencil.vertex_areas(),
+        mass_kind: pencil.mass_kind(),
+        reason: Some(NOT_VERIFIED.into()),
+        spectrum,
+    };
+    write(context, loaded, results, |stages| solved_record(stages, how, order.len()))
+}
+
+/// Why predictions that nobody asked to verify are not verified.
+pub const NOT_VERIFIED: &str = "a prediction, held against nothing; --verify certifies it, for the price of both reference solvers";
+
+/// What is written of a mesh.
+struct Results {
+    /// The arrays.
+    pairs: Eigenpairs,
+    mass: Vec<f64>,
+    mass_kind: MassKind,
+    /// The document.
+    spectrum: Spectrum,
+    /// What it falls short of.
+    reason: Option<String>,
+}
+
+fn write(
+    context: &Context,
+    mut loaded: Loaded,
+    results: Results,
+    record: impl FnOnce(Vec<StageRecord>) -> RunRecord,
+) -> Result<MeshReport, Failure> {
     let started = Instant::now();
-    let spectrum = spectrum(&context.pipeline, &verified);
-    let Verified { assembled, origin, vectors, order, certificate, judgement } = verified;
-    let mut loaded = assembled.loaded;
+    let Results { pairs, mass, mass_kind, spectrum, reason } = results;
     let mesh = &loaded.ingested.mesh;
     let folder = context.out.join(&loaded.job.name);
     let document = spectrum.to_json();
     withdraw(&folder, Some(&document))?;
-    let pairs =
-        Eigenpairs { values: certificate.pairs.iter().map(|pair| pair.lambda).collect(), vectors };
-    let arrays = EigenArrays {
-        mesh,
-        pairs: &pairs,
-        mass: &row_sums(&assembled.operators.mass),
-        mass_kind: assembled.operators.mass_kind,
-        vertex_map: &loaded.ingested.vertex_map,
-    };
+    let vertex_map = &loaded.ingested.vertex_map;
+    let arrays = EigenArrays { mesh, pairs: &pairs, mass: &mass, mass_kind, vertex_map };
     write_if_changed(&folder.join("eigen.npz"), &arrays.to_npz())?;
     let ply = folder.join("eigen.ply");
     if context.pipeline.publish.ply {
@@ -53,12 +108,11 @@ pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Fail
         remove(&ply)?;
     }
     loaded.spent("publish", How::Computed, started.elapsed());
-    let record = record(loaded.stages, &origin, &order);
+    let record = record(loaded.stages);
     write_if_changed(&folder.join("run.json"), &record.to_json())?;
     // Whoever waits for results waits for this file: all others are there when it is.
     write_if_changed(&folder.join(SPECTRUM), &document)?;
     let folder = folder.display().to_string();
-    let reason = (!judgement.is_verified()).then(|| judgement.reason());
     Ok(MeshReport::finished(loaded.job.name, folder, &spectrum, reason, &record))
 }
 
@@ -71,6 +125,14 @@ pub fn unwritten(spectrum: &Spectrum, verified: Verified) -> MeshReport {
         out: None,
         ..MeshReport::finished(assembled.loaded.job.name, String::new(), spectrum, reason, &record)
     }
+}
+
+/// The report of predictions that are neither verified nor written.
+pub fn unwritten_predicted(spectrum: &Spectrum, predicted: Predicted) -> MeshReport {
+    let k = predicted.vectors.ncols();
+    let record = solved_record(predicted.loaded.stages, predicted.how, k);
+    let (name, reason) = (predicted.loaded.job.name, Some(NOT_VERIFIED.into()));
+    MeshReport { out: None, ..MeshReport::finished(name, String::new(), spectrum, reason, &record) }
 }
 
 /// The file whose presence says that the results beside it are whole and current.
@@ -88,19 +150,17 @@ pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishErro
 }
 
 /// The document of a verified mesh.
-pub fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
+pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
     let assembled = &verified.assembled;
     let certificate = &verified.certificate;
-    // The graph Laplacian's eigenvalues have no unit that an area could cancel.
-    let area = match pipeline.operators.laplacian {
-        Laplacian::Graph => Area(f64::NAN),
-        Laplacian::Cotangent | Laplacian::Fem => assembled.loaded.ingested.mesh.area(),
-    };
+    let refined = verified.refinement.as_ref().map(|refined| &refined.pairs.values);
+    let area = area_of(&context.pipeline, &assembled.loaded);
     let verdict = |fine: bool| if fine { Verdict::Verified } else { Verdict::Unverified };
     let judged = certificate.pairs.iter().zip(&verified.judgement.pairs);
     let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {
-        let source = source(&verified.origin, j);
-        Eigenpair::new(j + 1, source, verdict(short.is_empty()), pair, area)
+        let source = source(&verified.origin, refined.is_some(), j);
+        let pair = Eigenpair::new(j + 1, source, verdict(short.is_empty()), pair, area);
+        Eigenpair { lambda_refined: refined.map(|values| values[j]), ..pair }
     });
     Spectrum {
         schema: Default::default(),
@@ -108,30 +168,84 @@ pub fn spectrum(pipeline: &Pipeline, verified: &Verified) -> Spectrum {
         mesh: MeshSummary::from(&*assembled.loaded.ingested),
         eigenpairs: eigenpairs.collect(),
         orthonormality: certificate.orthonormality,
-        completeness: certificate.completeness.into(),
-        quality: assembled.operators.quality.into(),
+        completeness: Some(certificate.completeness.into()),
+        quality: Some(assembled.operators.quality.into()),
         repairs: (&assembled.loaded.ingested.repairs).into(),
-        provenance: Provenance::new(parameters(pipeline)),
+        provenance: Provenance::new(parameters(context)),
     }
 }
 
-/// All options that can change a number: not where meshes come from nor which files are written.
-fn parameters(pipeline: &Pipeline) -> serde_json::Value {
-    let Pipeline { input: _, family, operators, features, train, verify, publish: _ } = pipeline;
-    json!({
-        "family": family,
-        "operators": operators,
-        "features": features,
-        "train": train,
-        "verify": verify,
-    })
+/// The document of predictions that were not verified: λ, and no measure that takes a matrix.
+pub fn predicted_spectrum(context: &Context, predicted: &Predicted) -> Spectrum {
+    let area = area_of(&context.pipeline, &predicted.loaded);
+    let refined = predicted.refinement.as_ref().map(|refined| &refined.pairs.values);
+    let mut lambdas = predicted.pencil.rayleigh_quotients(&predicted.vectors);
+    lambdas[..predicted.known].fill(0.0);
+    let runs = clusters(&lambdas, CLUSTER_GAP, zero_below(area.0));
+    let origin = Origin::Predicted { known: predicted.known, how: predicted.how };
+    let eigenpairs = lambdas.iter().enumerate().map(|(j, &lambda)| {
+        let cluster = runs.iter().position(|run| run.contains(&j)).unwrap_or(runs.len());
+        let source = source(&origin, refined.is_some(), j);
+        let unmeasured = PairCertificate::unmeasured(lambda, cluster);
+        let pair = Eigenpair::new(j + 1, source, Verdict::Unverified, &unmeasured, area);
+        Eigenpair { lambda_refined: refined.map(|values| values[j]), ..pair }
+    });
+    Spectrum {
+        schema: Default::default(),
+        status: Verdict::Unverified,
+        mesh: MeshSummary::from(&*predicted.loaded.ingested),
+        eigenpairs: eigenpairs.collect(),
+        orthonormality: predicted.orthonormality(),
+        completeness: None,
+        quality: None,
+        repairs: (&predicted.loaded.ingested.repairs).into(),
+        provenance: Provenance::new(parameters(context)),
+    }
+}
+
+/// The area that makes λ unit-free. The graph Laplacian's eigenvalues have no unit that it could cancel.
+fn area_of(pipeline: &Pipeline, loaded: &Loaded) -> Area {
+    match pipeline.operators.laplacian {
+        Laplacian::Graph => Area(f64::NAN),
+        Laplacian::Cotangent | Laplacian::Fem => loaded.ingested.mesh.area(),
+    }
+}
+
+/// All options that can change a number: not where meshes come from nor which files are written. A given model stands for
+/// the options that it was trained with.
+fn parameters(context: &Context) -> serde_json::Value {
+    let Pipeline { input: _, family, operators, features, train, verify, publish: _ } =
+        &context.pipeline;
+    match &context.model {
+        Some(given) if train.method == Method::Predict => json!({
+            "model": {
+                "digest": given.digest.to_string(),
+                "mesh": given.model.description.mesh.hash,
+                "parameters": given.model.description.parameters,
+            },
+            "operators": operators,
+            "train": { "method": train.method, "k": train.k, "refine": train.refine },
+            "verify": verify,
+        }),
+        _ => json!({
+            "family": family,
+            "operators": operators,
+            "features": features,
+            "train": train,
+            "verify": verify,
+        }),
+    }
 }
 
 /// Where pair `j`, from 0, comes from. The solver puts exact zeros where it knows the eigenfunction.
-fn source(origin: &Origin, j: usize) -> Source {
+fn source(origin: &Origin, refined: bool, j: usize) -> Source {
     match origin {
-        Origin::Learned { known, .. } if j < *known => Source::Constant,
+        Origin::Learned { known, .. } | Origin::Predicted { known, .. } if j < *known => {
+            Source::Constant
+        }
+        Origin::Learned { .. } | Origin::Predicted { .. } if refined => Source::Refined,
         Origin::Learned { .. } => Source::Trained,
+        Origin::Predicted { .. } => Source::Predicted,
         Origin::Fem { reference, .. } if reference.pairs.values[j] == 0.0 => Source::Constant,
         Origin::Fem { .. } => Source::Fem,
         Origin::Mpgd { opinion, .. } if opinion.pairs.values[j] == 0.0 => Source::Constant,
@@ -140,30 +254,35 @@ fn source(origin: &Origin, j: usize) -> Source {
 }
 
 fn record(stages: Vec<StageRecord>, origin: &Origin, order: &[usize]) -> RunRecord {
-    let mut pairs: Vec<PairRecord> = match origin {
-        Origin::Learned { blocks, .. } => {
-            let place = |k: usize| order.iter().position(|&column| column + 1 == k);
-            let pair = |block: &TrainedBlock| PairRecord {
-                k: 1 + place(block.k).unwrap_or(block.k - 1),
-                cached: block.how == How::Reused,
-                seconds: block.seconds,
-            };
-            blocks.iter().map(pair).collect()
+    match origin {
+        Origin::Learned { blocks, .. } => learned_record(stages, blocks, order),
+        Origin::Predicted { how, .. } | Origin::Fem { how, .. } | Origin::Mpgd { how, .. } => {
+            solved_record(stages, *how, order.len())
         }
-        // All pairs are the work of one stage.
-        Origin::Fem { how, .. } | Origin::Mpgd { how, .. } => {
-            let cached = *how == How::Reused;
-            (1..=order.len()).map(|k| PairRecord { k, cached, seconds: f64::NAN }).collect()
-        }
-    };
+    }
+}
+
+fn learned_record(stages: Vec<StageRecord>, blocks: &[TrainedBlock], order: &[usize]) -> RunRecord {
+    let place = |k: usize| order.iter().position(|&column| column + 1 == k);
+    let mut pairs: Vec<PairRecord> = blocks
+        .iter()
+        .map(|block| PairRecord {
+            k: 1 + place(block.k).unwrap_or(block.k - 1),
+            cached: block.how == How::Reused,
+            seconds: block.seconds,
+        })
+        .collect();
     pairs.sort_by_key(|pair| pair.k);
-    let (trained, reused) = match origin {
-        Origin::Learned { blocks, .. } => {
-            let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
-            (blocks.len() - reused, reused)
-        }
-        Origin::Fem { .. } | Origin::Mpgd { .. } => (0, 0),
-    };
+    let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
+    let trained = blocks.len() - reused;
     let seconds = stages.iter().map(|stage| stage.seconds).sum();
     RunRecord { schema: RunRecordSchema::V1, seconds, pairs, trained, reused, stages }
+}
+
+/// The record of `k` pairs that are the work of one stage.
+fn solved_record(stages: Vec<StageRecord>, how: How, k: usize) -> RunRecord {
+    let cached = how == How::Reused;
+    let pairs = (1..=k).map(|k| PairRecord { k, cached, seconds: f64::NAN }).collect();
+    let seconds = stages.iter().map(|stage| stage.seconds).sum();
+    RunRecord { schema: RunRecordSchema::V1, seconds, pairs, trained: 0, reused: 0, stages }
 }

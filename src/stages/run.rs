@@ -11,7 +11,10 @@ use tokio_util::sync::CancellationToken;
 
 use super::context::Context;
 use super::intake::Job;
-use super::{Failure, assemble, candidates, family, ingest, publish, remesh, train, verify};
+use super::predict::GivenModel;
+use super::{
+    Failure, assemble, candidates, family, ingest, publish, refine, remesh, train, verify,
+};
 use crate::flow::{EventSink, Outcome, Parcel, Stage, Workers};
 use crate::pipeline::{Method, Pipeline};
 use crate::publish::report::{MeshReport, RunReport};
@@ -21,6 +24,8 @@ use crate::store::Store;
 pub struct Run {
     /// What to compute.
     pub pipeline: Pipeline,
+    /// What `train.method = "predict"` predicts with.
+    pub model: Option<Arc<GivenModel>>,
     /// For which meshes.
     pub jobs: Vec<Job>,
     /// Where results go: one folder a mesh.
@@ -67,6 +72,7 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     let cancel = run.cancel.child_token();
     let context = Arc::new(Context {
         pipeline: run.pipeline,
+        model: run.model,
         out: run.out,
         store: run.store,
         events: run.events,
@@ -101,8 +107,9 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     Ok(Ended { report, defect })
 }
 
-/// ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► … ─► train φ_K ─► predict ─┬─► verify ─► publish
-///                     └─► solve ──────────────────────────────────────────────────┘
+/// ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► … ─► train φ_K ─► predict ─► refine ─┬─► verify ─► publish
+///                     ├─► predict with a given model ───────────────────────────► refine ─┤
+///                     └─► solve ──────────────────────────────────────────────────────────┘
 fn chain(
     context: &Arc<Context>,
     first: Stage<Job, MeshReport, Failure>,
@@ -117,6 +124,12 @@ fn chain(
             let solving = c();
             assembled.then(move |item, assembled| candidates::solve(&solving, item, assembled))
         }
+        Method::Predict => {
+            let (applying, refining) = (c(), c());
+            assembled
+                .then(move |item, assembled| candidates::apply(&applying, item, assembled))
+                .then(move |item, candidates| refine::refine(&refining, item, candidates))
+        }
         Method::LepDpinn => {
             let (remeshing, preparing) = (c(), c());
             let mut training = assembled
@@ -126,8 +139,10 @@ fn chain(
                 let trainer = c();
                 training = training.then(move |item, state| train::train(&trainer, item, k, state));
             }
-            let predicting = c();
-            training.then(move |item, trained| candidates::predict(&predicting, item, trained))
+            let (predicting, refining) = (c(), c());
+            training
+                .then(move |item, trained| candidates::predict(&predicting, item, trained))
+                .then(move |item, candidates| refine::refine(&refining, item, candidates))
         }
     };
     let (verifying, publishing) = (c(), c());

@@ -8,8 +8,9 @@ use super::assemble::Assembled;
 use super::candidates::{Candidates, Origin};
 use super::context::{Context, Work};
 use super::reference;
+use super::refine::Refinement;
 use super::verdict::{Judgement, Standard, judge};
-use crate::spectrum::certificate::{References, certify};
+use crate::spectrum::certificate::{PairCertificate, References, certify};
 use crate::spectrum::factor::Analysis;
 use crate::spectrum::fem::Reference;
 use crate::spectrum::pencil::column;
@@ -31,6 +32,9 @@ pub struct Verified {
     pub certificate: Certificate,
     /// What follows from it.
     pub judgement: Judgement,
+    /// What a solver made of learned functions. Then λ and the angles of the certificate are those of the functions
+    /// before; all else, and the judgement, is of the refined pairs.
+    pub refinement: Option<Refinement>,
 }
 
 /// Certifies the K eigenpairs of a mesh.
@@ -39,7 +43,7 @@ pub struct Verified {
 /// When a factorisation breaks down or the run is interrupted.
 pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<Verified, Failure> {
     let started = Instant::now();
-    let Candidates { mut assembled, vectors, digest, origin } = candidates;
+    let Candidates { mut assembled, vectors, digest, origin, refinement } = candidates;
     let (references, digests) = references(context, item, &assembled, &origin)?;
     let boundary = context.pipeline.operators.boundary;
     let problem = assembled.problem(boundary)?;
@@ -48,26 +52,48 @@ pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<
             let order = (0..vectors.ncols()).collect();
             (vectors, order, Standard::Residuals)
         }
-        Origin::Mpgd { .. } | Origin::Learned { .. } => {
+        Origin::Mpgd { .. } | Origin::Learned { .. } | Origin::Predicted { .. } => {
             let (vectors, order) = in_order(&problem, &vectors, &references);
             (vectors, order, Standard::References)
         }
     };
-    let work = Work::<CertificateArtifact>::of_stage()
-        .param("boundary", boundary.name())
-        .input("candidates", &digest)
-        .input("operators", &assembled.operators_digest);
-    let work = digests.iter().fold(work, |work, (role, digest)| work.input(*role, digest));
-    let recalled = context.recall(item, work.seeded(0, "f64"), || {
-        let analysis = Analysis::new(problem.pencil())?;
-        Ok((&certify(&problem, &analysis, &problem.restrict(&vectors), &references)?).into())
-    })?;
-    drop(problem);
+    let measure = |vectors: &Dense, digest: &Digest| {
+        let work = Work::<CertificateArtifact>::of_stage()
+            .param("boundary", boundary.name())
+            .input("candidates", digest)
+            .input("operators", &assembled.operators_digest);
+        let work = digests.iter().fold(work, |work, (role, digest)| work.input(*role, digest));
+        context.recall(item, work.seeded(0, "f64"), || {
+            let analysis = Analysis::new(problem.pencil())?;
+            Ok((&certify(&problem, &analysis, &problem.restrict(vectors), &references)?).into())
+        })
+    };
+    let recalled = measure(&vectors, &digest)?;
     let how = recalled.how;
-    let certificate = Certificate::from(recalled.artifact);
-    let judgement = judge(&certificate, &context.pipeline.verify, standard);
+    let mut certificate = Certificate::from(recalled.artifact);
+    let tolerances = &context.pipeline.verify;
+    let judgement = match &refinement {
+        None => judge(&certificate, tolerances, standard),
+        Some(refined) => {
+            let measured = measure(&refined.pairs.vectors, &refined.digest)?;
+            let measured = Certificate::from(measured.artifact);
+            let judgement = judge(&measured, tolerances, refined.standard());
+            certificate = beside(&certificate, measured);
+            judgement
+        }
+    };
+    drop(problem);
     assembled.loaded.spent("verify", how, started.elapsed());
-    Ok(Verified { assembled, origin, vectors, order, certificate, judgement })
+    Ok(Verified { assembled, origin, vectors, order, certificate, judgement, refinement })
+}
+
+/// The certificate of refined pairs with the λ and the angles of the learned ones.
+fn beside(learned: &Certificate, refined: Certificate) -> Certificate {
+    let pairs = refined.pairs.into_iter().zip(&learned.pairs).map(|(refined, learned)| {
+        let PairCertificate { lambda, angle_fem, angle_mpgd, .. } = *learned;
+        PairCertificate { lambda, angle_fem, angle_mpgd, ..refined }
+    });
+    Certificate { pairs: pairs.collect(), ..refined }
 }
 
 /// The inputs of a certificate, by role.

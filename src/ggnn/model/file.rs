@@ -296,7 +296,7 @@ fn read(path: &Path) -> Result<Vec<u8>, ModelFault> {
 fn header_length(start: &[u8], total: u64) -> Result<usize, ModelFault> {
     let first = start.first_chunk().ok_or(ModelFault::NotSafetensors)?;
     let length = u64::from_le_bytes(*first);
-    if length > LARGEST_HEADER || length < 2 {
+    if !(2..=LARGEST_HEADER).contains(&length) {
         return Err(ModelFault::NotSafetensors);
     }
     if length > total.saturating_sub(8) {

@@ -49,20 +49,20 @@ pub fn spectrum() -> Spectrum {
             ),
         ],
         orthonormality: 1e-15,
-        completeness: Completeness {
+        completeness: Some(Completeness {
             sigma: 3.0,
             count: None,
             found: 2,
             complete: false,
             cut_cluster: true,
-        },
-        quality: TriangleQuality {
+        }),
+        quality: Some(TriangleQuality {
             min_angle_degrees: 31.5,
             negative_weights: 2,
             non_delaunay_edges: 1,
             mollification: None,
             flips: None,
-        },
+        }),
         repairs: RepairCounts { welded_vertices: 4, ..RepairCounts::default() },
         provenance: Provenance {
             chladni: "0.1.0".to_owned(),

@@ -13,6 +13,7 @@ fn pair(k: usize, lambda: f64, stopped_by: Option<StoppedBy>) -> PairReport {
         pair: Eigenpair {
             k,
             lambda,
+            lambda_refined: None,
             lambda_area: 12.0 * lambda,
             source,
             cluster: k - 1,
@@ -152,4 +153,26 @@ fn six_digits_whatever_the_size() {
     for (value, text) in cases {
         assert_eq!(six_digits(value), text);
     }
+}
+
+#[test]
+fn predictions_that_were_held_against_nothing_show_no_measures() {
+    let mut mesh = sphere();
+    mesh.completeness = None;
+    for report in &mut mesh.eigenpairs[1..] {
+        report.pair.source = Source::Predicted;
+    }
+    for report in &mut mesh.eigenpairs {
+        report.pair.lambda_fem = f64::NAN;
+        report.pair.mpgd = None;
+    }
+    let heads = |mesh: &MeshReport| {
+        let table = mesh_table(mesh);
+        let head = table.lines().nth(1).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(table.contains("predicted") && !table.contains("complete"), "{table}");
+        head
+    };
+    assert_eq!(heads(&mesh), "k λ λ · area source");
+    mesh.eigenpairs[1].pair.lambda_refined = Some(2.0);
+    assert_eq!(heads(&mesh), "k λ λ refined λ · area source");
 }

@@ -1,0 +1,122 @@
+//! Prediction with a trained model: from coordinates and adjacency to eigenfunctions, with no L and no B assembled.
+//!
+//! What is built of the mesh: the neighbours of every vertex with the weights 1/degree, which is W of (5); angles and areas
+//! of the triangles; the values of the functions. Deflation and normalisation take vertex areas, λ is one pass over the
+//! triangles ([`TrianglePencil`]).
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::Failure;
+use super::artifacts::PredictionArtifact;
+use super::context::{Context, Work, canonical};
+use super::ingest::Loaded;
+use super::refine::Refinement;
+use crate::flow::events::How;
+use crate::ggnn::features::coordinates;
+use crate::ggnn::model::Unlike;
+use crate::ggnn::predict::{NetworkInput, predict_all};
+use crate::ggnn::{Block, Model};
+use crate::mesh::TriMesh;
+use crate::mesh::topology::component_labels;
+use crate::operators::{Pattern, adjacency::adjacency};
+use crate::spectrum::nullspace::nullspace;
+use crate::spectrum::pencil::{InnerProduct, inner};
+use crate::spectrum::{Dense, TrianglePencil};
+use crate::store::Digest;
+
+/// A model that a run predicts with.
+#[derive(Debug, Clone)]
+pub struct GivenModel {
+    /// Its name in the store, or its file.
+    pub name: String,
+    /// The model.
+    pub model: Model,
+    /// Of its file.
+    pub digest: Digest,
+}
+
+impl GivenModel {
+    /// A model as it is given to a run.
+    pub fn new(name: String, model: Model) -> Arc<Self> {
+        let digest = Digest::of(&model.to_bytes());
+        Arc::new(Self { name, model, digest })
+    }
+}
+
+/// A mesh with K predicted eigenfunctions.
+#[derive(Debug, Clone)]
+pub struct Predicted {
+    /// The mesh.
+    pub loaded: Loaded,
+    /// L and B as sums over its triangles, in input units.
+    pub pencil: TrianglePencil,
+    /// φ₁ … φ_K, n×K, unit B-norm in input units.
+    pub vectors: Dense,
+    /// Of the functions.
+    pub digest: Digest,
+    /// How many of the first are known in advance: the eigenfunctions of λ = 0.
+    pub known: usize,
+    /// What speaks against them.
+    pub unlike: Vec<Unlike>,
+    /// Predicted in this run or reused.
+    pub how: How,
+    /// What a solver made of them.
+    pub refinement: Option<Refinement>,
+}
+
+impl Predicted {
+    /// max |ΦᵀBΦ − I| of the predictions, or of what they were refined to.
+    pub fn orthonormality(&self) -> f64 {
+        let vectors = self.refinement.as_ref().map_or(&self.vectors, |r| &r.pairs.vectors);
+        let gram = inner(vectors, &self.pencil.product(vectors));
+        (&gram - &Dense::identity(gram.nrows(), gram.ncols())).norm_max()
+    }
+}
+
+/// Predicts the first K eigenfunctions of a mesh with the model of the run.
+///
+/// # Errors
+/// When the model does not fit the mesh, the mesh has triangles without angles, or the run is interrupted.
+pub fn predict(context: &Context, item: usize, mut loaded: Loaded) -> Result<Predicted, Failure> {
+    let started = Instant::now();
+    let given = context.model.as_ref().ok_or(Failure::NoModel)?;
+    let (k, operators) = (context.pipeline.train.k, context.pipeline.operators);
+    let ingested = loaded.ingested.clone();
+    let unlike = given.model.check(&ingested.mesh, &ingested.topology, k)?;
+    let pencil = TrianglePencil::of_mesh(&ingested.mesh, operators)?;
+    let work = Work::<PredictionArtifact>::of_stage()
+        .param("operators", canonical(&operators))
+        .param("k", k.to_string())
+        .input("mesh", &loaded.digest())
+        .input("model", &given.digest);
+    let recalled = context.recall(item, work.seeded(0, "f32"), || {
+        let vectors = forward(&given.model, &ingested.mesh, &pencil, k);
+        let first = (0..vectors.ncols()).find(|&j| !vectors.col(j).iter().all(|v| v.is_finite()));
+        match first {
+            Some(j) => Err(Failure::NotPredicted { k: j + 1 }),
+            None => Ok((&vectors).into()),
+        }
+    })?;
+    loaded.spent("predict", recalled.how, started.elapsed());
+    Ok(Predicted {
+        loaded,
+        pencil,
+        vectors: recalled.artifact.into(),
+        digest: recalled.digest,
+        known: given.model.description.known.min(k),
+        unlike,
+        how: recalled.how,
+        refinement: None,
+    })
+}
+
+/// The first `k` eigenfunctions on a mesh that the model fits, n×k.
+fn forward(model: &Model, mesh: &TriMesh, pencil: &TrianglePencil, k: usize) -> Dense {
+    let zeros = nullspace(&component_labels(mesh), pencil);
+    let known = zeros.ncols().min(k);
+    let features = coordinates(mesh, model.description.normalise);
+    let input = NetworkInput::new(&features, &adjacency(&Pattern::of_mesh(mesh)));
+    let blocks: Vec<&Block> = model.blocks.iter().take(k - known).collect();
+    predict_all(&zeros.subcols(0, known).to_owned(), &blocks, &input, pencil)
+}
