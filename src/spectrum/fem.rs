@@ -38,6 +38,10 @@ const LARGEST_DENSE: usize = 4000;
 /// The eigenvalue above the gap is only needed to see the gap: so exactly, relative to itself.
 const GLANCE: f64 = 1e-3;
 
+/// When k pairs are wanted of a Krylov space of dimension m, a block more divides their residuals by about (m/k) to this
+/// power: measured on spheres, tori, squares and animals for k = 10 … 100, from residuals of 10⁵ times the goal on.
+const RATE: f64 = 1.2;
+
 /// Searches for eigenvalues that an earlier one missed.
 const ATTEMPTS: u64 = 16;
 
@@ -164,7 +168,6 @@ impl<'a> Search<'a> {
             .collect();
         let mut krylov = Krylov::new(&factor, self.pencil.mass, known, attempt);
         let mut look_at = 3 * self.k.saturating_sub(found.len()) + 5 * WIDTH;
-        let mut before: Option<Look> = None;
         loop {
             while krylov.dimension() < look_at {
                 krylov.grow();
@@ -180,8 +183,8 @@ impl<'a> Search<'a> {
                 let excess = look.excess;
                 return Err(SpectrumError::NotConverged { iterations: m / WIDTH, excess });
             }
-            look_at = m + WIDTH * look.more_blocks(before.as_ref());
-            before = Some(look);
+            let blocks = (self.pencil.n() - found.len()) / WIDTH - 1;
+            look_at = WIDTH * blocks.min(m / WIDTH + look.more_blocks());
         }
     }
 
@@ -265,13 +268,17 @@ struct Look {
 }
 
 impl Look {
-    /// How many blocks to add before the next look, from how the excess fell since the last.
-    fn more_blocks(&self, before: Option<&Self>) -> usize {
-        let Some(before) = before else { return 3 };
-        let blocks = (self.dimension - before.dimension) / WIDTH;
-        let fall = (before.excess.ln() - self.excess.ln()) / blocks.max(1) as f64;
-        let estimate = self.excess.ln() / fall;
-        if estimate.is_finite() && fall > 0.0 { (estimate.ceil() as usize).clamp(1, 3) } else { 3 }
+    /// How many blocks to add before the next look, at [`RATE`]; as many as there are at most.
+    fn more_blocks(&self) -> usize {
+        let (blocks, wanted) = (self.dimension / WIDTH, self.new as f64);
+        let mut left = self.excess.ln();
+        for more in 1..blocks {
+            left -= RATE * ((WIDTH * (blocks + more)) as f64 / wanted).ln();
+            if left <= 0.0 {
+                return more;
+            }
+        }
+        blocks
     }
 }
 
