@@ -17,6 +17,7 @@ use super::factor::Analysis;
 use super::inertia::count_below;
 use super::lanczos::{Krylov, Ritz};
 use super::panel::{Panel, WIDTH};
+use super::pencil::{column, columns_mut};
 use super::rayleigh_ritz::ritz_pairs;
 use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError};
 
@@ -166,7 +167,7 @@ impl<'a> Search<'a> {
             .step_by(WIDTH)
             .map(|first| Panel::from_columns(&found.vectors, first))
             .collect();
-        let mut krylov = Krylov::new(&factor, self.pencil.mass, known, attempt);
+        let mut krylov = Krylov::new(factor, self.pencil.mass, known, attempt);
         let mut look_at = 3 * self.k.saturating_sub(found.len()) + 5 * WIDTH;
         loop {
             while krylov.dimension() < look_at {
@@ -176,7 +177,7 @@ impl<'a> Search<'a> {
             let look = self.look(&ritz, mu, &found, goal);
             if look.excess <= 1.0 {
                 let next = lambda(&ritz, mu, look.new);
-                return Ok((self.merge(found, &krylov, &ritz, mu, look.new), next));
+                return Ok((self.merge(found, krylov, &ritz, mu, look.new), next));
             }
             let m = look.dimension;
             if m + 2 * WIDTH + found.len() > self.pencil.n() || m > 40 * look.new + 1000 {
@@ -224,24 +225,30 @@ impl<'a> Search<'a> {
     fn merge(
         &self,
         found: Eigenpairs,
-        krylov: &Krylov<'_>,
+        krylov: Krylov<'_>,
         ritz: &Ritz,
         mu: f64,
         new: usize,
     ) -> Eigenpairs {
         let chosen: Vec<usize> = (0..ritz.values.len()).rev().take(new).collect();
-        let vectors = krylov.vectors(ritz, &chosen);
+        let panels = krylov.vectors(ritz, &chosen);
         let values: Vec<f64> =
             found.values.iter().copied().chain((0..new).map(|j| lambda(ritz, mu, j))).collect();
         let mut order: Vec<usize> = (0..values.len()).collect();
         order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-        let old = found.len();
-        let mut sorted = Dense::zeros(vectors.nrows(), order.len());
-        for (to, &from) in order.iter().enumerate() {
-            let column = if from < old { found.vectors.col(from) } else { vectors.col(from - old) };
-            sorted.col_mut(to).copy_from(column);
+        let mut vectors = Dense::zeros(self.pencil.n(), order.len());
+        // Where each of them goes.
+        let mut places: Vec<_> = order.iter().zip(columns_mut(&mut vectors)).collect();
+        places.sort_by_key(|&(&from, _)| from);
+        let mut places = places.into_iter().map(|(_, place)| place);
+        for (j, place) in places.by_ref().take(found.len()).enumerate() {
+            place.copy_from_slice(column(&found.vectors, j));
         }
-        Eigenpairs { values: order.iter().map(|&j| values[j]).collect(), vectors: sorted }
+        for panel in panels {
+            panel.write_to(places.by_ref().take(WIDTH).collect());
+        }
+        drop(places);
+        Eigenpairs { values: order.iter().map(|&j| values[j]).collect(), vectors }
     }
 }
 

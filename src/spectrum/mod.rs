@@ -7,6 +7,7 @@
 //! - [`factor`]: sparse factorisations L − σB = R D Rᵀ; `triangular`: solves with them
 //! - [`problem`]: the pencil of a mesh with its boundary condition
 //! - [`panel`]: eight functions side by side, and products of such blocks
+//! - `metric`: the inner product of the mass, for panels
 //! - `lanczos`: a Krylov space grown by panels
 //! - [`fem`]: shift-invert block Lanczos, the reference
 //! - [`nullspace`]: the eigenfunctions of λ = 0
@@ -23,6 +24,7 @@ pub mod factor;
 pub mod fem;
 pub mod inertia;
 mod lanczos;
+mod metric;
 pub mod mpgd;
 pub mod nullspace;
 pub mod panel;
