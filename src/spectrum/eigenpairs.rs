@@ -1,8 +1,10 @@
 //! Eigenvalues with their eigenvectors, and the rules that make them the same on every run.
 
+use rayon::prelude::*;
+
 use super::Dense;
 use super::cluster::clusters;
-use super::pencil::{InnerProduct, column, column_mut, combine, dot};
+use super::pencil::{InnerProduct, column, column_mut, columns_mut, dot};
 
 /// K eigenpairs of (8): ascending values in 1/(input unit)² and B-orthonormal vectors, n×K.
 #[derive(Debug, Clone)]
@@ -16,6 +18,9 @@ pub struct Eigenpairs {
 /// Eigenvalues closer than this (relative) are one eigenvalue to working precision: their vectors are
 /// an arbitrary basis until [`Eigenpairs::canonical`] fixes it.
 const NUMERICAL_CLUSTER: f64 = 1e-8;
+
+/// Rows that one thread takes at a time.
+const CHUNK: usize = 2048;
 
 /// Entries within this of the largest magnitude tie; the lowest index wins.
 const SIGN_TIE: f64 = 1e-6;
@@ -47,13 +52,10 @@ impl Eigenpairs {
             let is_zero = self.values[run.start].abs() <= zero;
             if run.len() > 1 && !is_zero {
                 let block = self.vectors.subcols(run.start, run.len()).to_owned();
-                let rotated = combine(&block, &pivoted_basis(&block));
-                self.vectors.subcols_mut(run.start, run.len()).copy_from(rotated);
+                write_pivoted(&block, columns_mut(&mut self.vectors).skip(run.start));
             }
         }
-        for j in 0..self.len() {
-            orient(column_mut(&mut self.vectors, j));
-        }
+        columns_mut(&mut self.vectors).for_each(orient);
         self
     }
 }
@@ -80,39 +82,40 @@ pub fn normalise_columns(mass: &impl InnerProduct, x: &mut Dense) {
     }
 }
 
-/// An orthogonal m×m matrix that depends on the span of the m columns of `block` alone.
-fn pivoted_basis(block: &Dense) -> Dense {
+/// Writes a basis of the span of the m orthonormal columns of `block` that depends on this span alone.
+fn write_pivoted<'a>(block: &Dense, to: impl Iterator<Item = &'a mut [f64]>) {
     let m = block.ncols();
-    let mut rotation: Vec<Vec<f64>> = Vec::with_capacity(m);
-    let mut rest = block.clone();
-    for _ in 0..m {
-        let pivot = longest_row(&rest);
-        let mut direction: Vec<f64> = (0..m).map(|j| rest[(pivot, j)]).collect();
-        let length = norm(&direction).max(f64::MIN_POSITIVE);
-        direction.iter_mut().for_each(|d| *d /= length);
-        // Once more against what is there already: the pivots shrink, rounding does not.
-        for earlier in &rotation {
+    let mut directions: Vec<Vec<f64>> = Vec::with_capacity(m);
+    // Of every row, the square of what is left of it.
+    let mut squares = vec![0.0; block.nrows()];
+    for j in 0..m {
+        squares.iter_mut().zip(column(block, j)).for_each(|(s, v)| *s += v * v);
+    }
+    for to in to.take(m) {
+        let pivot = largest(&squares);
+        let mut direction: Vec<f64> = (0..m).map(|j| block[(pivot, j)]).collect();
+        // Twice: the pivots shrink, rounding does not.
+        for earlier in directions.iter().chain(&directions) {
             let c = dot(earlier, &direction);
             direction.iter_mut().zip(earlier).for_each(|(d, e)| *d -= c * e);
         }
-        let length = norm(&direction);
+        let length = norm(&direction).max(f64::MIN_POSITIVE);
         direction.iter_mut().for_each(|d| *d /= length);
-        let along = combine(&rest, &Dense::from_fn(m, 1, |j, _| direction[j]));
-        for (j, &d) in direction.iter().enumerate() {
-            let rest = column_mut(&mut rest, j);
-            rest.iter_mut().zip(column(&along, 0)).for_each(|(r, a)| *r -= a * d);
-        }
-        rotation.push(direction);
+        let chunks = to.par_chunks_mut(CHUNK).zip(squares.par_chunks_mut(CHUNK));
+        chunks.enumerate().for_each(|(chunk, (to, squares))| {
+            to.fill(0.0);
+            for (j, &d) in direction.iter().enumerate() {
+                let column = &column(block, j)[chunk * CHUNK..];
+                to.iter_mut().zip(column).for_each(|(to, v)| *to += v * d);
+            }
+            squares.iter_mut().zip(to).for_each(|(s, v)| *s -= *v * *v);
+        });
+        directions.push(direction);
     }
-    Dense::from_fn(m, m, |i, j| rotation[j][i])
 }
 
-/// The row of the largest norm; ties go to the lowest index.
-fn longest_row(x: &Dense) -> usize {
-    let mut squares = vec![0.0; x.nrows()];
-    for j in 0..x.ncols() {
-        squares.iter_mut().zip(column(x, j)).for_each(|(s, v)| *s += v * v);
-    }
+/// The row with the largest value; ties go to the lowest index.
+fn largest(squares: &[f64]) -> usize {
     let largest = squares.iter().fold(0.0_f64, |a, &b| a.max(b));
     squares.iter().position(|&s| s >= largest * (1.0 - SIGN_TIE)).unwrap_or(0)
 }
@@ -124,6 +127,7 @@ fn norm(x: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spectrum::pencil::combine;
 
     #[test]
     fn sign_ties_go_to_the_lowest_index() {

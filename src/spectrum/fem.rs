@@ -17,6 +17,7 @@ use super::factor::Analysis;
 use super::inertia::count_below;
 use super::lanczos::{Krylov, Ritz};
 use super::panel::{Panel, WIDTH};
+use super::pencil::{column, columns_mut};
 use super::rayleigh_ritz::ritz_pairs;
 use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError};
 
@@ -37,6 +38,10 @@ const LARGEST_DENSE: usize = 4000;
 
 /// The eigenvalue above the gap is only needed to see the gap: so exactly, relative to itself.
 const GLANCE: f64 = 1e-3;
+
+/// When k pairs are wanted of a Krylov space of dimension m, a block more divides their residuals by about (m/k) to this
+/// power: measured on spheres, tori, squares and animals for k = 10 … 100, from residuals of 10⁵ times the goal on.
+const RATE: f64 = 1.2;
 
 /// Searches for eigenvalues that an earlier one missed.
 const ATTEMPTS: u64 = 16;
@@ -162,9 +167,8 @@ impl<'a> Search<'a> {
             .step_by(WIDTH)
             .map(|first| Panel::from_columns(&found.vectors, first))
             .collect();
-        let mut krylov = Krylov::new(&factor, self.pencil.mass, known, attempt);
+        let mut krylov = Krylov::new(factor, self.pencil.mass, known, attempt);
         let mut look_at = 3 * self.k.saturating_sub(found.len()) + 5 * WIDTH;
-        let mut before: Option<Look> = None;
         loop {
             while krylov.dimension() < look_at {
                 krylov.grow();
@@ -173,15 +177,15 @@ impl<'a> Search<'a> {
             let look = self.look(&ritz, mu, &found, goal);
             if look.excess <= 1.0 {
                 let next = lambda(&ritz, mu, look.new);
-                return Ok((self.merge(found, &krylov, &ritz, mu, look.new), next));
+                return Ok((self.merge(found, krylov, &ritz, mu, look.new), next));
             }
             let m = look.dimension;
             if m + 2 * WIDTH + found.len() > self.pencil.n() || m > 40 * look.new + 1000 {
                 let excess = look.excess;
                 return Err(SpectrumError::NotConverged { iterations: m / WIDTH, excess });
             }
-            look_at = m + WIDTH * look.more_blocks(before.as_ref());
-            before = Some(look);
+            let blocks = (self.pencil.n() - found.len()) / WIDTH - 1;
+            look_at = WIDTH * blocks.min(m / WIDTH + look.more_blocks());
         }
     }
 
@@ -221,24 +225,30 @@ impl<'a> Search<'a> {
     fn merge(
         &self,
         found: Eigenpairs,
-        krylov: &Krylov<'_>,
+        krylov: Krylov<'_>,
         ritz: &Ritz,
         mu: f64,
         new: usize,
     ) -> Eigenpairs {
         let chosen: Vec<usize> = (0..ritz.values.len()).rev().take(new).collect();
-        let vectors = krylov.vectors(ritz, &chosen);
+        let panels = krylov.vectors(ritz, &chosen);
         let values: Vec<f64> =
             found.values.iter().copied().chain((0..new).map(|j| lambda(ritz, mu, j))).collect();
         let mut order: Vec<usize> = (0..values.len()).collect();
         order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-        let old = found.len();
-        let mut sorted = Dense::zeros(vectors.nrows(), order.len());
-        for (to, &from) in order.iter().enumerate() {
-            let column = if from < old { found.vectors.col(from) } else { vectors.col(from - old) };
-            sorted.col_mut(to).copy_from(column);
+        let mut vectors = Dense::zeros(self.pencil.n(), order.len());
+        // Where each of them goes.
+        let mut places: Vec<_> = order.iter().zip(columns_mut(&mut vectors)).collect();
+        places.sort_by_key(|&(&from, _)| from);
+        let mut places = places.into_iter().map(|(_, place)| place);
+        for (j, place) in places.by_ref().take(found.len()).enumerate() {
+            place.copy_from_slice(column(&found.vectors, j));
         }
-        Eigenpairs { values: order.iter().map(|&j| values[j]).collect(), vectors: sorted }
+        for panel in panels {
+            panel.write_to(places.by_ref().take(WIDTH).collect());
+        }
+        drop(places);
+        Eigenpairs { values: order.iter().map(|&j| values[j]).collect(), vectors }
     }
 }
 
@@ -265,13 +275,17 @@ struct Look {
 }
 
 impl Look {
-    /// How many blocks to add before the next look, from how the excess fell since the last.
-    fn more_blocks(&self, before: Option<&Self>) -> usize {
-        let Some(before) = before else { return 3 };
-        let blocks = (self.dimension - before.dimension) / WIDTH;
-        let fall = (before.excess.ln() - self.excess.ln()) / blocks.max(1) as f64;
-        let estimate = self.excess.ln() / fall;
-        if estimate.is_finite() && fall > 0.0 { (estimate.ceil() as usize).clamp(1, 3) } else { 3 }
+    /// How many blocks to add before the next look, at [`RATE`]; as many as there are at most.
+    fn more_blocks(&self) -> usize {
+        let (blocks, wanted) = (self.dimension / WIDTH, self.new as f64);
+        let mut left = self.excess.ln();
+        for more in 1..blocks {
+            left -= RATE * ((WIDTH * (blocks + more)) as f64 / wanted).ln();
+            if left <= 0.0 {
+                return more;
+            }
+        }
+        blocks
     }
 }
 

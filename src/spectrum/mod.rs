@@ -9,6 +9,7 @@
 //!   their numbers; `triangular`: solves with them
 //! - [`problem`]: the pencil of a mesh with its boundary condition
 //! - [`panel`]: eight functions side by side, and products of such blocks
+//! - `metric`: the inner product of the mass, for panels
 //! - `lanczos`: a Krylov space grown by panels
 //! - [`fem`]: shift-invert block Lanczos, the reference
 //! - [`refine`]: the lowest eigenpairs from functions that are nearly theirs
@@ -29,6 +30,7 @@ mod front;
 pub mod inertia;
 mod lanczos;
 pub mod matrix_free;
+mod metric;
 pub mod mpgd;
 mod multifrontal;
 pub mod nullspace;

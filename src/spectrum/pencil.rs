@@ -143,6 +143,13 @@ pub fn column_mut(x: &mut Dense, j: usize) -> &mut [f64] {
     x.col_mut(j).try_as_col_major_mut().expect("columns of Dense are contiguous").as_slice_mut()
 }
 
+/// All columns as mutable slices.
+pub fn columns_mut(x: &mut Dense) -> impl Iterator<Item = &mut [f64]> {
+    x.col_iter_mut().map(|column| {
+        column.try_as_col_major_mut().expect("columns of Dense are contiguous").as_slice_mut()
+    })
+}
+
 /// xᵀy, in eight running sums that fit one wide register.
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; 8];

@@ -79,7 +79,7 @@ pub fn lowest_from(
     let factor = analysis.positive(mu)?;
     let known = (0..zeros.ncols()).step_by(WIDTH).map(|first| Panel::from_columns(zeros, first));
     let mut krylov =
-        Krylov::from_start(&factor, pencil.mass, known.collect(), sums_of_eight(start), 0);
+        Krylov::from_start(factor, pencil.mass, known.collect(), sums_of_eight(start), 0);
     let goal = Goal::new(pencil, mu);
     loop {
         krylov.grow();
@@ -90,7 +90,7 @@ pub fn lowest_from(
         let ritz = krylov.ritz();
         let excess = goal.excess(&ritz, m);
         if excess <= 1.0 {
-            let pairs = joined(zeros, &krylov, &ritz, mu, m).canonical(zero_below(area));
+            let pairs = joined(zeros, krylov, &ritz, mu, m).canonical(zero_below(area));
             return Ok(Refined { pairs, blocks: dimension / WIDTH });
         }
         if dimension + 2 * WIDTH + zeros.ncols() > n || dimension > 40 * m + 1000 {
@@ -135,13 +135,15 @@ impl Goal {
 }
 
 /// The zeros and the lowest `m` Ritz pairs.
-fn joined(zeros: &Dense, krylov: &Krylov<'_>, ritz: &Ritz, mu: f64, m: usize) -> Eigenpairs {
+fn joined(zeros: &Dense, krylov: Krylov<'_>, ritz: &Ritz, mu: f64, m: usize) -> Eigenpairs {
     let chosen: Vec<usize> = (0..ritz.values.len()).rev().take(m).collect();
     let new = krylov.vectors(ritz, &chosen);
     let c = zeros.ncols();
     let mut vectors = Dense::zeros(zeros.nrows(), c + m);
     vectors.subcols_mut(0, c).copy_from(zeros);
-    vectors.subcols_mut(c, m).copy_from(new);
+    for (group, panel) in new.iter().enumerate() {
+        panel.write_columns(&mut vectors, c + group * WIDTH);
+    }
     let lambdas = chosen.iter().map(|&at| ritz.values[at].recip() - mu);
     Eigenpairs { values: vec![0.0; c].into_iter().chain(lambdas).collect(), vectors }
 }
