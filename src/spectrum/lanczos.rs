@@ -35,8 +35,8 @@ const SHORT: f64 = 1e-3;
 /// then is as exact as with a basis that is orthogonal throughout, and two or three steps pass in between.
 const SEMI_ORTHOGONAL: f64 = 1e-8;
 
-/// What is left of an inner product when panels have been orthogonalised, to begin the estimate with: the loss then is
-/// at most what is estimated, and a tenth of it at least.
+/// The loss that the estimate begins with when panels have been orthogonalised. What is measured then is a third of the
+/// estimate in the median, and was above it, by a quarter, once in 352 times.
 const ROUNDING: f64 = 1e-16;
 
 /// By how much the growth of the loss may increase from one step to the next.
