@@ -16,8 +16,9 @@ pub struct Eigenpairs {
 }
 
 /// Eigenvalues closer than this (relative) are one eigenvalue to working precision: their vectors are
-/// an arbitrary basis until [`Eigenpairs::canonical`] fixes it.
-const NUMERICAL_CLUSTER: f64 = 1e-8;
+/// an arbitrary basis until [`Eigenpairs::canonical`] fixes it. No more than what residuals are allowed, since turning
+/// the vectors of different eigenvalues into one another makes residuals as large as these differ.
+const NUMERICAL_CLUSTER: f64 = 1e-10;
 
 /// Rows that one thread takes at a time.
 const CHUNK: usize = 2048;

@@ -323,6 +323,7 @@ mod tests {
     use crate::mesh::sample::icosphere;
     use crate::mesh::topology::component_labels;
     use crate::operators::{Boundary, MassKind, Operators};
+    use crate::spectrum::dual_norm::inverse_mass_norms;
     use crate::spectrum::pencil::{inner, product};
 
     fn reference(mesh: &TriMesh, kind: MassKind, k: usize) -> Reference {
@@ -364,6 +365,34 @@ mod tests {
                 .map(|i| (lx[(i, j)] - value * bx[(i, j)]).abs())
                 .fold(0.0, f64::max);
             assert!(worst < 1e-10, "pair {j}: {worst}");
+        }
+    }
+
+    #[test]
+    fn residuals_are_as_small_as_is_asked() {
+        for kind in [MassKind::Lumped, MassKind::Consistent] {
+            let operators = Operators::assemble(&icosphere(5), kind).unwrap();
+            let pencil = Pencil::from(&operators);
+            // With clusters of multiplicity 3, 4 and 5, some of them close to one another.
+            let pairs = solve(5, kind, 49);
+            let (lx, bx) =
+                (product(pencil.stiffness, &pairs.vectors), product(pencil.mass, &pairs.vectors));
+            let floor = ROUNDINGS * f64::EPSILON * largest_eigenvalue(pencil);
+            for first in (0..pairs.len()).step_by(WIDTH) {
+                let mut r = Panel::from_columns(&lx, first);
+                for (r, b) in r.rows_mut().iter_mut().zip(Panel::from_columns(&bx, first).rows()) {
+                    let lambda = |j: usize| pairs.values.get(first + j).copied().unwrap_or(0.0);
+                    (0..WIDTH).for_each(|j| r[j] -= lambda(j) * b[j]);
+                }
+                let norms = inverse_mass_norms(pencil, &r);
+                for (j, lambda) in pairs.values[first..].iter().take(WIDTH).enumerate() {
+                    assert!(
+                        norms[j] < floor.max(TOLERANCE * lambda),
+                        "{kind:?}, pair {}",
+                        first + j
+                    );
+                }
+            }
         }
     }
 
