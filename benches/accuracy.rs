@@ -54,6 +54,7 @@ struct Case {
     family: Vec<TriMesh>,
     test: TriMesh,
     boundary: Boundary,
+    frame: TriMesh,
 }
 
 /// What may be changed from the command line.
@@ -130,11 +131,12 @@ fn case(name: &str, options: &Options) -> Result<Case, Box<dyn Error>> {
             family: (0..options.members as u64).map(|i| ball(2, options.seed, i)).collect(),
             test: icosphere(4),
             boundary: Boundary::Neumann,
+            frame: icosphere(2),
         },
         "spot" => {
             let mesh = load(&data("spot_11533.obj"))?.mesh;
             let family = Family::of(&mesh, &recipe)?.members;
-            Case { name: "spot", family, test: mesh, boundary: Boundary::Neumann }
+            Case { name: "spot", family, frame: mesh.clone(), test: mesh, boundary: Boundary::Neumann }
         }
         "bunny2" => {
             let mesh = load(&data("bunny2.obj"))?.mesh;
@@ -148,13 +150,14 @@ fn case(name: &str, options: &Options) -> Result<Case, Box<dyn Error>> {
             let fine = subdivide(&subdivide(&mesh));
             let mut rng = ChaCha8Rng::seed_from_u64(77);
             let test = perturb(&fine, &ClosestPoint::on(&mesh), 0.3, &mut rng);
-            Case { name: "bunny2", family, test, boundary: Boundary::Neumann }
+            Case { name: "bunny2", family, test, boundary: Boundary::Neumann, frame: mesh }
         }
         _ => Case {
             name: "square",
             family: (0..options.members as u64).map(|i| square(144, options.seed, i)).collect(),
             test: square(932, 4711, 0),
             boundary: Boundary::Dirichlet,
+            frame: square(144, 1, 0),
         },
     })
 }
@@ -217,7 +220,24 @@ struct Seen {
     known: Dense,
 }
 
-fn seen(mesh: &TriMesh, boundary: Boundary, penalty: f64) -> Result<Seen, Box<dyn Error>> {
+fn framed(mesh: &TriMesh, frame: &TriMesh) -> Vec<f64> {
+    if std::env::var_os("OWN_FRAME").is_some() {
+        return coordinates(mesh, Normalise::Area);
+    }
+    let areas = frame.vertex_areas();
+    let area: f64 = areas.iter().sum();
+    let mut centroid = [0.0; 3];
+    for (point, weight) in frame.vertices().iter().zip(&areas) {
+        (0..3).for_each(|c| centroid[c] += weight / area * point[c]);
+    }
+    let scale = area.sqrt();
+    mesh.vertices()
+        .iter()
+        .flat_map(|point| std::array::from_fn::<f64, 3, _>(|c| (point[c] - centroid[c]) / scale))
+        .collect()
+}
+
+fn seen(mesh: &TriMesh, frame: &TriMesh, boundary: Boundary, penalty: f64) -> Result<Seen, Box<dyn Error>> {
     let mut operators = Operators::assemble(mesh, MassKind::Lumped)?;
     let share: f64 = std::env::var("MASS").ok().and_then(|v| v.parse().ok()).unwrap_or(0.0);
     if share > 0.0 {
@@ -225,7 +245,7 @@ fn seen(mesh: &TriMesh, boundary: Boundary, penalty: f64) -> Result<Seen, Box<dy
         operators.mass =
             &operators.mass.map(|x| x * (1.0 - share)) + &consistent.mass.map(|x| x * share);
     }
-    let input = NetworkInput::new(&coordinates(mesh, Normalise::Area), &operators.adjacency);
+    let input = NetworkInput::new(&framed(mesh, frame), &operators.adjacency);
     let member = Member::new(input, operators, boundary, penalty);
     let known = match boundary {
         Boundary::Neumann => nullspace(&component_labels(mesh), &member.mass),
@@ -238,7 +258,7 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
     let family: Vec<Seen> = case
         .family
         .iter()
-        .map(|mesh| seen(mesh, case.boundary, options.penalty))
+        .map(|mesh| seen(mesh, &case.frame, case.boundary, options.penalty))
         .collect::<Result<_, _>>()?;
     let count = options.k - family[0].known.ncols();
     let train =
@@ -246,7 +266,10 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
             let sample = |seen: &Seen, earlier: &Dense| Sample::new(&seen.member, earlier);
             if options.shared {
                 let samples = family.iter().map(|s| sample(s, &s.known)).collect();
-                return Ok(train_blocks(samples, recipe, count, options.seed, &Silent)?);
+                let guard = options.get("guard", 0.0) as usize;
+            let mut blocks = train_blocks(samples, recipe, count + guard, options.seed, &Silent)?;
+            blocks.truncate(count);
+            return Ok(blocks);
             }
             let mut earlier: Vec<Dense> = family.iter().map(|s| s.known.clone()).collect();
             let mut blocks = Vec::new();
@@ -266,7 +289,7 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
             Ok(blocks)
         };
     let judge = Judge::new(case, options.k)?;
-    let target = seen(&case.test, case.boundary, options.penalty)?;
+    let target = seen(&case.test, &case.frame, case.boundary, options.penalty)?;
     let untrained = Ritz { steps: 0, ..options.recipe };
     for (name, recipe) in [("trained", &options.recipe), ("untrained", &untrained)] {
         let started = Instant::now();
