@@ -63,7 +63,7 @@ pub struct Train {
     pub width: usize,
     /// H: hidden layers.
     pub layers: usize,
-    /// What a hidden layer is: `sggc` (29), `gcn` or `gat`.
+    /// What a hidden layer is: `sggc` (29), `pointwise`, which is the same without its neighbours, `gcn` or `gat`.
     pub layer: Layer,
     /// I: iterations of (29) in a layer.
     pub iterations: usize,
@@ -178,11 +178,11 @@ impl Train {
     }
 
     fn check_layer(&self) -> Result<(), PipelineError> {
-        if self.layer == Layer::Sggc || self.iterations == 1 {
+        if matches!(self.layer, Layer::Sggc | Layer::Pointwise) || self.iterations == 1 {
             return Ok(());
         }
         let value = self.iterations.to_string();
-        let rule = "only \"sggc\" layers iterate; set train.iterations = 1 beside train.layer = \"gcn\" or \"gat\"";
+        let rule = "only \"sggc\" and \"pointwise\" layers iterate; set train.iterations = 1 beside train.layer = \"gcn\" or \"gat\"";
         Err(PipelineError::Value { key: "train.iterations", value, rule })
     }
 }

@@ -72,8 +72,8 @@ impl FeatureOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Features {
-    /// [`coordinates`].
-    Coordinates(Normalise),
+    /// Coordinates in the frame of the training mesh, or as they are in the file.
+    Coordinates(Option<Frame>),
     /// [`edge_lengths`].
     EdgeLengths(Normalise),
     /// [`landmark_distances`].
@@ -85,16 +85,28 @@ impl Features {
     pub fn of(mesh: &TriMesh, options: FeatureOptions) -> Self {
         let FeatureOptions { input, normalise, landmarks } = options;
         match input {
-            Input::Coordinates => Self::Coordinates(normalise),
+            Input::Coordinates => Self::Coordinates(match normalise {
+                Normalise::Area => Some(Frame::of(mesh)),
+                Normalise::None => None,
+            }),
             Input::EdgeLengths => Self::EdgeLengths(normalise),
             Input::Landmarks => Self::Landmarks(normalise, Landmarks::of(mesh, landmarks)),
         }
     }
 
-    /// The features of every vertex of a mesh of that shape, row-major n×d.
+    /// The same features for a mesh that may lie elsewhere, or be in other units: it is then read in its own frame.
+    pub fn placed(&self, mesh: &TriMesh) -> Self {
+        match self {
+            Self::Coordinates(Some(frame)) => Self::Coordinates(Some(frame.near(mesh))),
+            other => other.clone(),
+        }
+    }
+
+    /// The features of every vertex of a sampling of that shape where the training mesh lies, row-major n×d.
     pub fn read(&self, mesh: &TriMesh) -> Vec<f64> {
         match self {
-            Self::Coordinates(normalise) => coordinates(mesh, *normalise),
+            Self::Coordinates(Some(frame)) => frame.coordinates(mesh),
+            Self::Coordinates(None) => coordinates(mesh, Normalise::None),
             Self::EdgeLengths(normalise) => edge_lengths(mesh, *normalise),
             Self::Landmarks(normalise, landmarks) => {
                 landmark_distances(mesh, landmarks, *normalise)
@@ -103,25 +115,57 @@ impl Features {
     }
 }
 
-/// The coordinates of every vertex, row-major n×3, prepared as asked.
-pub fn coordinates(mesh: &TriMesh, normalise: Normalise) -> Vec<f64> {
-    let points = mesh.vertices().iter();
-    match normalise {
-        Normalise::None => points.flatten().copied().collect(),
-        Normalise::Area => {
-            let areas = mesh.vertex_areas();
-            let area: f64 = areas.iter().sum();
-            let mut centroid = [0.0; 3];
-            for (point, weight) in mesh.vertices().iter().zip(&areas) {
-                (0..3).for_each(|c| centroid[c] += weight / area * point[c]);
-            }
-            let scale = area.sqrt();
-            points
-                .flat_map(|point| {
-                    std::array::from_fn::<f64, 3, _>(|c| (point[c] - centroid[c]) / scale)
-                })
-                .collect()
+/// Where a surface lies, and how large it is.
+///
+/// All samplings of a shape must be read in one frame. Each in its own, of which area and centroid differ a little from
+/// one to the next, a network tells them apart by where they lie: an eigenfunction with one sign on some members and the
+/// other on the rest is then orthogonal to itself, and training finds it several times (`docs/training.md`).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// The centroid, input units.
+    pub centre: [f64; 3],
+    /// √area, input units.
+    pub unit: f64,
+}
+
+/// Frames this close are those of two samplings in one place and one unit; farther apart a mesh was moved or scaled.
+const SAME_PLACE: f64 = 0.05;
+
+impl Frame {
+    /// The frame of a surface.
+    pub fn of(mesh: &TriMesh) -> Self {
+        let areas = mesh.vertex_areas();
+        let area: f64 = areas.iter().sum();
+        let mut centre = [0.0; 3];
+        for (point, weight) in mesh.vertices().iter().zip(&areas) {
+            (0..3).for_each(|c| centre[c] += weight / area * point[c]);
         }
+        Self { centre, unit: area.sqrt() }
+    }
+
+    /// This frame, if `mesh` lies there; its own if it was moved or is in other units.
+    pub fn near(self, mesh: &TriMesh) -> Self {
+        let own = Self::of(mesh);
+        let way = norm(sub(own.centre, self.centre)) / self.unit;
+        let same = way <= SAME_PLACE && (own.unit / self.unit).ln().abs() <= SAME_PLACE;
+        if same { self } else { own }
+    }
+
+    /// The coordinates of every vertex from the centroid in units of √area, row-major n×3.
+    pub fn coordinates(self, mesh: &TriMesh) -> Vec<f64> {
+        let Self { centre, unit } = self;
+        let place = |point: &[f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|c| (point[c] - centre[c]) / unit)
+        };
+        mesh.vertices().iter().flat_map(place).collect()
+    }
+}
+
+/// The coordinates of every vertex, row-major n×3, prepared as asked, in the mesh's own frame.
+pub fn coordinates(mesh: &TriMesh, normalise: Normalise) -> Vec<f64> {
+    match normalise {
+        Normalise::None => mesh.vertices().iter().flatten().copied().collect(),
+        Normalise::Area => Frame::of(mesh).coordinates(mesh),
     }
 }
 
@@ -193,6 +237,20 @@ mod tests {
         let (a, b) = (coordinates(&mesh, Normalise::Area), coordinates(&moved, Normalise::Area));
         assert!(largest_difference(&a, &b) < 1e-12);
         assert_ne!(coordinates(&mesh, Normalise::None), coordinates(&moved, Normalise::None));
+    }
+
+    #[test]
+    fn samplings_in_one_place_are_read_in_one_frame_and_moved_ones_in_their_own() {
+        let (coarse, fine) = (icosphere(2), icosphere(4));
+        let features = Features::of(&coarse, FeatureOptions::default());
+        // The coarse polyhedron has less area: in its own frame every sphere would have another radius.
+        assert_eq!(features.placed(&fine), features);
+        let radius = |x: &[f64]| norm([x[0], x[1], x[2]]);
+        let (a, b) = (features.read(&coarse), features.read(&fine));
+        assert!((radius(&a) - radius(&b)).abs() < 1e-12);
+        let elsewhere = moved(&fine);
+        let read = features.placed(&elsewhere).read(&elsewhere);
+        assert!((radius(&read) / radius(&b) - 1.0).abs() < 0.02);
     }
 
     #[test]

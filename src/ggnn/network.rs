@@ -13,6 +13,7 @@ use super::ops::encoder::encode;
 use super::ops::gat::gat;
 use super::ops::gcn::gcn;
 use super::ops::graph::Graph;
+use super::ops::pointwise::{Remaining, pointwise};
 use super::ops::real::Real;
 use super::ops::sggc::{Mixing, sggc};
 use super::ops::{Matrix, entries};
@@ -26,7 +27,7 @@ pub struct TrunkShape {
     pub width: usize,
     /// H: hidden layers.
     pub layers: usize,
-    /// I: iterations of (29) in every layer; 1 for other layers.
+    /// I: iterations of (29) in every layer, with or without neighbours; 1 for other layers.
     pub iterations: usize,
     /// What a hidden layer is.
     pub layer: Layer,
@@ -45,17 +46,19 @@ pub enum Layer {
     Gcn,
     /// The graph attention of Veličković et al., see [`super::ops::gat`].
     Gat,
+    /// (29) without its neighbours, see [`super::ops::pointwise`].
+    Pointwise,
 }
 
 impl Layer {
     /// In the order of their codes in a stored block.
-    pub const ALL: [Self; 3] = [Self::Sggc, Self::Gcn, Self::Gat];
+    pub const ALL: [Self; 4] = [Self::Sggc, Self::Gcn, Self::Gat, Self::Pointwise];
 
-    /// Rows and columns of its weights for h features: w₁ and w₂ of (29); w of GCN; w and a of GAT.
+    /// Rows and columns of its weights for h features: w₁ and w₂ of (29); w of GCN; w and a of GAT; w₁ alone.
     fn weight_sizes(self, h: usize) -> Vec<(usize, usize)> {
         match self {
             Self::Sggc => vec![(h, h), (h, h)],
-            Self::Gcn => vec![(h, h)],
+            Self::Gcn | Self::Pointwise => vec![(h, h)],
             Self::Gat => vec![(h, h), (2, h)],
         }
     }
@@ -118,6 +121,8 @@ pub enum Prepared<E: Real> {
     Gcn(Matrix<E>),
     /// w and a.
     Gat(Matrix<E>, Matrix<E>),
+    /// w₁.
+    Pointwise(Remaining<E>),
 }
 
 impl<E: Real> Trunk<E> {
@@ -187,6 +192,7 @@ impl<E: Real> Trunk<E> {
                 Layer::Sggc => Prepared::Sggc(Mixing::new(&w[0], &w[1])),
                 Layer::Gcn => Prepared::Gcn(w[0].clone()),
                 Layer::Gat => Prepared::Gat(w[0].clone(), w[1].clone()),
+                Layer::Pointwise => Prepared::Pointwise(Remaining::new(&w[0])),
             })
             .collect()
     }
@@ -204,6 +210,7 @@ impl<E: Real> Trunk<E> {
             Prepared::Sggc(mixing) => sggc(x, graph, mixing, iterations, activation),
             Prepared::Gcn(w) => gcn(x, graph, w, activation),
             Prepared::Gat(w, a) => gat(x, graph, w, a, activation),
+            Prepared::Pointwise(weights) => pointwise(x, weights, iterations, activation),
         })
     }
 }
@@ -299,6 +306,7 @@ mod tests {
                 }),
                 Layer::Gcn => &normalised * z,
                 Layer::Gat => attended(&z, &layer[1], &looped),
+                Layer::Pointwise => x - z,
             });
         }
         x

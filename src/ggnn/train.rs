@@ -160,15 +160,9 @@ impl Moments {
         let config = AdamConfig { lr, ..AdamConfig::default() };
         let moments = self.first.iter_mut().zip(&mut self.second);
         let mut scratch = Gradients::leaky();
-        let freeze = std::env::var_os("FREEZE").is_some();
-        let mut index = 0;
         for ((parameter, gradient), (first, second)) in
             trunk.parameters_mut().iter_mut().zip(gradients).zip(moments)
         {
-            index += 1;
-            if freeze && index > 3 && index % 2 == 0 {
-                continue;
-            }
             let slot = match scratch.get_or_alloc_mut(parameter) {
                 Ok(slot) => slot,
                 Err(error) => panic!("no memory for a gradient: {error:?}"),

@@ -8,6 +8,7 @@
 //! - [`activation`]: the functions between layers
 //! - [`encoder`]: ENC of (28)
 //! - [`sggc`]: the SGGC layer of (29)
+//! - [`pointwise`]: the same without its neighbours
 //! - [`gcn`], [`gat`]: the layers that the paper compares it with
 //! - [`rayleigh`]: the Rayleigh quotient of a solved head, what `ritz` trains on
 //! - [`losses`]: the paper's loss terms (24)–(26)
@@ -18,6 +19,7 @@ pub mod gat;
 pub mod gcn;
 pub mod graph;
 pub mod losses;
+pub mod pointwise;
 pub mod rayleigh;
 pub mod real;
 pub mod sggc;
