@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::ggnn::features::FeatureOptions;
 use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
-use crate::ggnn::recipe::Ritz;
+use crate::ggnn::recipe::{Ritz, Trunks};
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 use crate::spectrum::mpgd::Stopping;
@@ -59,6 +59,8 @@ pub struct Train {
     pub k: usize,
     /// Seeds the initial weights and the order of batches.
     pub seed: u64,
+    /// `per-eigenfunction`: each has a trunk of its own; `shared`: all are heads on one, trained together.
+    pub trunk: Trunks,
     /// h_f: hidden features.
     pub width: usize,
     /// H: hidden layers.
@@ -75,7 +77,7 @@ pub struct Train {
     pub hidden_range: f64,
     /// Which of them: `symmetric`, with phases in [−π, π], or `positive`, with phases in [0, γ₁].
     pub initial_weights: Interval,
-    /// Adam steps for a block.
+    /// Adam steps for a trunk.
     pub steps: usize,
     /// Family members in one step.
     pub batch: usize,
@@ -135,6 +137,7 @@ impl Default for Train {
             refine: Refine::None,
             k: 8,
             seed: 0,
+            trunk: Trunks::default(),
             width: shape.width,
             layers: shape.layers,
             layer: shape.layer,

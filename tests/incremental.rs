@@ -65,6 +65,36 @@ fn a_changed_recipe_retrains_all_and_a_changed_tolerance_nothing() {
     assert_eq!(computed(&events), []);
 }
 
+#[test]
+fn a_shared_trunk_is_trained_once_for_all_its_heads_and_anew_for_another_k() {
+    let workspace = Workspace::new(&QUICK.replace("[train]", "[train]\ntrunk = \"shared\""));
+    let trainings = |events: &[Event]| {
+        let trained = computed(events).into_iter().filter(|(stage, _)| *stage == "train");
+        trained.map(|(_, part)| part).collect::<Vec<_>>()
+    };
+    let (events, counts) = during(&workspace, &[]);
+    assert_eq!((trainings(&events), counts), (vec![None], [3, 0]));
+    let (events, counts) = during(&workspace, &[]);
+    assert_eq!((computed(&events), counts), (vec![], [0, 3]));
+    let record = std::fs::read_to_string(workspace.path("out/sphere.obj/run.json")).unwrap();
+    assert_eq!(record.matches("\"train φ2…φ4\"").count(), 1, "{record}");
+    let (events, counts) = during(&workspace, &["--set", "train.k=3"]);
+    assert_eq!((trainings(&events), counts), (vec![None], [2, 0]));
+    let own = ["--set", "train.trunk=per-eigenfunction"];
+    let (events, counts) = during(&workspace, &own);
+    assert_eq!((trainings(&events), counts), (vec![Some(2), Some(3), Some(4)], [3, 0]));
+}
+
+#[test]
+fn a_trunk_that_is_too_narrow_for_its_heads_says_so() {
+    let workspace = Workspace::new(QUICK);
+    let narrow = ["--set", "train.trunk=shared", "--set", "train.width=2"];
+    let (code, report) = workspace.report(&narrow);
+    let reason = report.meshes[0].reason.as_deref().unwrap();
+    assert_eq!(code, 3);
+    assert!(reason.contains("the heads of 3 eigenfunctions; raise train.width"), "{reason}");
+}
+
 /// The events of a run that may judge its few steps of training too bad.
 fn events_with(workspace: &Workspace, change: &str) -> (Vec<Event>, [usize; 2]) {
     let before = workspace.events().len();

@@ -155,6 +155,29 @@ fn export_import_and_predict_give_the_same_bytes() {
 }
 
 #[test]
+fn a_shared_trunk_is_one_model_and_predicts_the_same_from_a_file() {
+    let workspace = Workspace::new(&QUICK.replace("[train]", "[train]\ntrunk = \"shared\""));
+    let (code, report) = workspace.report(&[]);
+    assert_eq!((code, report.meshes[0].trained), (0, 3), "{report:?}");
+    let list = document(&on(&workspace, &["model", "list"], &["--format", "json"]));
+    assert_eq!((&list["models"][0]["k"], &list["models"][1]), (&4.into(), &Value::Null));
+    let file = workspace.path("ball.safetensors");
+    let file = file.to_str().unwrap();
+    assert_eq!(on(&workspace, &["model", "export", "sphere", file], &[]).status.code(), Some(0));
+    // Weights of 24·3 + 24 + 2·2·24² numbers once, not three times.
+    let weights = 4 * (24 * 3 + 24 + 4 * 24 * 24);
+    assert!(std::fs::metadata(file).unwrap().len() < 2 * weights);
+    let out = workspace.path("predicted");
+    let written = ["--model", file, "--out", out.to_str().unwrap(), "--verify"];
+    let code = predict(&workspace, "meshes/sphere.obj", &written).status.code();
+    assert!(matches!(code, Some(0 | 4)), "{code:?}");
+    let arrays = |folder: &str| std::fs::read(workspace.path(folder).join("eigen.npz")).unwrap();
+    assert!(arrays("predicted/sphere.obj") == arrays("out/sphere.obj"));
+    let fewer = predicted(&workspace, "meshes/sphere.obj", &["--model", file, "-k", "2"]);
+    assert_eq!(numbers(&fewer["eigenvalues"]).len(), 2);
+}
+
+#[test]
 fn a_larger_k_takes_the_place_of_a_smaller_and_another_recipe_has_another_name() {
     let workspace = Workspace::new(QUICK);
     let names = || -> Vec<(String, u64)> {

@@ -6,6 +6,27 @@ use super::features::COORDINATES;
 use super::network::{Interval, Layer, Ranges, TrunkShape};
 use super::ops::activation::Activation;
 
+/// `train.trunk`: what has a trunk of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Trunks {
+    /// Every eigenfunction: one block after the other, each deflated against those before it.
+    #[default]
+    PerEigenfunction,
+    /// All of them together: one training, whose trunk carries a head for each.
+    Shared,
+}
+
+impl Trunks {
+    /// The name used in files, tables and keys.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PerEigenfunction => "per-eigenfunction",
+            Self::Shared => "shared",
+        }
+    }
+}
+
 /// Recipe `ritz`: the head is solved, Adam trains the trunk on the Rayleigh quotient.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Ritz {
@@ -13,7 +34,7 @@ pub struct Ritz {
     pub shape: TrunkShape,
     /// Its initial weights.
     pub ranges: Ranges,
-    /// Adam steps.
+    /// Adam steps for a trunk.
     pub steps: usize,
     /// Family members in one step.
     pub batch: usize,

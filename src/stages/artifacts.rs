@@ -1,5 +1,7 @@
 //! What the store keeps of each stage: plain vectors, and how they become the numerics' types again.
 
+use std::sync::Arc;
+
 use rkyv::{Archive, Deserialize, Serialize};
 
 use crate::ggnn::block::{Block, TrainingRecord};
@@ -28,7 +30,7 @@ macro_rules! artifact {
 
 artifact!(FamilyArtifact, "remesh", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
-artifact!(BlockArtifact, "train", version 1, schema 2);
+artifact!(TrunkArtifact, "train", version 1, schema 3);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 2, schema 2);
 artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
@@ -156,48 +158,52 @@ fn quality_of((min_angle_degrees, negative, crossed, remedies): QualityParts) ->
     }
 }
 
-/// One trained block.
+/// One trained trunk with the heads on it: the blocks that share it, in the order of their eigenfunctions.
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
-pub struct BlockArtifact {
+pub struct TrunkArtifact {
     /// inputs, width, layers, iterations; the places in [`Layer::ALL`] and [`Activation::ALL`].
     shape: [u32; 6],
     weights: Vec<Vec<f32>>,
-    head: Vec<f64>,
     history: Vec<f64>,
-    untrained: f64,
-    trained: f64,
+    heads: Vec<HeadParts>,
 }
 
-impl From<&Block> for BlockArtifact {
-    fn from(block: &Block) -> Self {
-        let TrunkShape { inputs, width, layers, iterations, layer, activation } = block.shape;
+/// w_out; the head's quotient before and after training.
+type HeadParts = (Vec<f64>, f64, f64);
+
+impl TrunkArtifact {
+    /// Of the blocks of one trunk.
+    ///
+    /// # Panics
+    /// When there is none.
+    pub fn of(blocks: &[Block]) -> Self {
+        let first = blocks.first().expect("a trunk is trained for a head at least");
+        let TrunkShape { inputs, width, layers, iterations, layer, activation } = first.shape;
         let sizes = [inputs, width, layers, iterations, layer as usize, activation as usize];
+        let head =
+            |Block { head, record, .. }: &Block| (head.clone(), record.untrained, record.trained);
         Self {
             shape: sizes.map(|size| size as u32),
-            weights: block.weights.to_vec(),
-            head: block.head.clone(),
-            history: block.record.history.clone(),
-            untrained: block.record.untrained,
-            trained: block.record.trained,
+            weights: first.weights.to_vec(),
+            history: first.record.history.clone(),
+            heads: blocks.iter().map(head).collect(),
         }
     }
-}
 
-impl From<BlockArtifact> for Block {
-    fn from(artifact: BlockArtifact) -> Self {
-        let [inputs, width, layers, iterations, layer, activation] =
-            artifact.shape.map(|size| size as usize);
+    /// The blocks, which share their weights.
+    pub fn into_blocks(self) -> Vec<Block> {
+        let Self { shape, weights, history, heads } = self;
+        let [inputs, width, layers, iterations, layer, activation] = shape.map(|s| s as usize);
         let (layer, activation) = (Layer::ALL[layer], Activation::ALL[activation]);
-        Self {
-            shape: TrunkShape { inputs, width, layers, iterations, layer, activation },
-            weights: artifact.weights.into(),
-            head: artifact.head,
-            record: TrainingRecord {
-                history: artifact.history,
-                untrained: artifact.untrained,
-                trained: artifact.trained,
-            },
-        }
+        let shape = TrunkShape { inputs, width, layers, iterations, layer, activation };
+        let weights = Arc::new(weights);
+        let block = |(head, untrained, trained): HeadParts| Block {
+            shape,
+            weights: weights.clone(),
+            head,
+            record: TrainingRecord { history: history.clone(), untrained, trained },
+        };
+        heads.into_iter().map(block).collect()
     }
 }
 

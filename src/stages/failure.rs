@@ -36,8 +36,14 @@ pub enum Failure {
     #[error(transparent)]
     Spectrum(#[from] SpectrumError),
     /// Training failed.
-    #[error("training φ{k}: {source}")]
-    Train { k: usize, source: TrainError },
+    #[error("training {functions}: {source}")]
+    Train { functions: String, source: TrainError },
+    /// More heads than features.
+    #[error(
+        "a trunk of train.width = {width} features cannot carry the heads of {heads} eigenfunctions; raise train.width, \
+         lower train.k, or set train.trunk = \"per-eigenfunction\""
+    )]
+    NarrowTrunk { heads: usize, width: usize },
     /// The model cannot predict this mesh.
     #[error(transparent)]
     Unfit(#[from] Unfit),

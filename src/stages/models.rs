@@ -1,18 +1,19 @@
 //! Models by name: what a training leaves in the store, and what is imported into it.
 //!
-//! The blocks of a training are in the store as they are trained. A model is a small entry beside them: its name, its
-//! description and the keys of its blocks. Its name is that of the mesh's file and eight digits of its first block's key, for
-//! example `spot_829-4f1c90ab`: another mesh, family, recipe or seed has another name; a larger K has the same, and takes
-//! the place of the smaller.
+//! The trunks of a training, each with its heads, are in the store as they are trained. A model is a small entry beside
+//! them: its name, its description and their keys. Its name is that of the mesh's file and eight digits of its first
+//! trunk's key, for example `spot_829-4f1c90ab`: another mesh, family, recipe or seed has another name. A larger K has the
+//! same, and takes the place of the smaller, where every eigenfunction has a trunk of its own; a shared trunk is another
+//! one for every K.
 
 use rkyv::{Archive, Deserialize, Serialize};
 
-use super::artifacts::BlockArtifact;
+use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::context::Context;
 use super::train::TrainedBlock;
+use crate::ggnn::Model;
 use crate::ggnn::model::{DeflationRule, Description, ModelFileError, TrainedMesh};
-use crate::ggnn::{Block, Model};
 use crate::pipeline::{MODEL_EXTENSION as EXTENSION, Pipeline, is_model_file};
 use crate::store::{Artifact, CacheKey, Digest, Store, StoreError};
 
@@ -25,14 +26,14 @@ pub struct ModelArtifact {
     name: String,
     /// JSON.
     description: String,
-    /// The keys of its blocks.
-    blocks: Vec<[u8; 32]>,
+    /// The keys of its trunks, and how many heads are on each.
+    trunks: Vec<([u8; 32], u32)>,
 }
 
 impl Artifact for ModelArtifact {
     const STAGE: &'static str = "model";
     const VERSION: u32 = 1;
-    const SCHEMA: u32 = 1;
+    const SCHEMA: u32 = 2;
 }
 
 /// Why there is no such model.
@@ -106,15 +107,15 @@ pub fn list(store: &Store) -> Result<Vec<Listed>, ModelError> {
 /// # Errors
 /// [`ModelError`].
 pub fn load(store: &Store, name: &str) -> Result<(String, Model), ModelError> {
-    let ModelArtifact { name, description, blocks } = find(store, name)?;
+    let ModelArtifact { name, description, trunks } = find(store, name)?;
     let description = parse(&name, &description)?;
-    let first = description.known + 1;
-    let blocks = (first..).zip(blocks).map(|(k, key)| {
-        let block = store.get::<BlockArtifact>(&CacheKey::from_bytes(key));
-        let block = block.ok_or_else(|| ModelError::Incomplete { name: name.clone(), k })?;
-        Ok(Block::from(block.artifact))
-    });
-    let blocks = blocks.collect::<Result<_, ModelError>>()?;
+    let mut blocks = Vec::new();
+    for (key, _) in trunks {
+        let Some(trunk) = store.get::<TrunkArtifact>(&CacheKey::from_bytes(key)) else {
+            return Err(ModelError::Incomplete { name, k: description.known + 1 + blocks.len() });
+        };
+        blocks.extend(trunk.artifact.into_blocks());
+    }
     Ok((name, Model { description, blocks }))
 }
 
@@ -134,14 +135,14 @@ pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError
         };
     }
     let digest = Digest::of(&bytes);
-    let mut blocks = Vec::new();
-    for (k, block) in (model.description.known + 1..).zip(&model.blocks) {
-        let key = BlockArtifact::key().param("part", k.to_string()).input("model", &digest);
+    let mut trunks = Vec::new();
+    for (part, heads) in (1..).zip(model.trunks()) {
+        let key = TrunkArtifact::key().param("part", format!("{part}")).input("model", &digest);
         let key = key.finish(0, "f32");
-        store.put(&key, &BlockArtifact::from(block), Default::default())?;
-        blocks.push(key);
+        store.put(&key, &TrunkArtifact::of(heads), Default::default())?;
+        trunks.push((key, heads.len()));
     }
-    put(store, name, &model.description, &blocks)
+    put(store, name, &model.description, &trunks)
 }
 
 /// Makes a training findable by name. A store that cannot be written costs a warning and nothing else.
@@ -149,16 +150,14 @@ pub fn remember(context: &Context, assembled: &Assembled, known: usize, blocks: 
     let (Some(store), Some(first)) = (&context.store, blocks.first()) else { return };
     let mesh_name = &assembled.loaded.job.name;
     let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(mesh_name)), first.key.to_string());
-    let keys: Vec<CacheKey> = blocks.iter().map(|block| block.key).collect();
+    let trunks = blocks.chunk_by(|a, b| a.key == b.key);
+    let trunks: Vec<_> = trunks.map(|heads| (heads[0].key, heads.len())).collect();
     let kept = store.get::<ModelArtifact>(&key_of(&name));
-    let begins = |kept: &[[u8; 32]]| {
-        kept.len() >= keys.len() && keys.iter().zip(kept).all(|(key, kept)| key.as_bytes() == kept)
-    };
-    if kept.is_some_and(|kept| begins(&kept.artifact.blocks)) {
+    if kept.is_some_and(|kept| kept.artifact.trunks.starts_with(&stored(&trunks))) {
         return;
     }
     let description = describe(&context.pipeline, assembled, known);
-    if let Err(error) = put(store, &name, &description, &keys) {
+    if let Err(error) = put(store, &name, &description, &trunks) {
         tracing::warn!(name, "the model cannot be found by name: {error}");
     }
 }
@@ -183,16 +182,20 @@ fn put(
     store: &Store,
     name: &str,
     description: &Description,
-    blocks: &[CacheKey],
+    trunks: &[(CacheKey, usize)],
 ) -> Result<(), ModelError> {
     let artifact = ModelArtifact {
         name: name.into(),
         description: serde_json::to_string(description)
             .expect("a description is numbers and names"),
-        blocks: blocks.iter().map(|key| *key.as_bytes()).collect(),
+        trunks: stored(trunks),
     };
     store.put(&key_of(name), &artifact, Default::default())?;
     Ok(())
+}
+
+fn stored(trunks: &[(CacheKey, usize)]) -> Vec<([u8; 32], u32)> {
+    trunks.iter().map(|(key, heads)| (*key.as_bytes(), *heads as u32)).collect()
 }
 
 fn key_of(name: &str) -> CacheKey {
@@ -226,10 +229,11 @@ fn find(store: &Store, name: &str) -> Result<ModelArtifact, ModelError> {
 
 fn listed(store: &Store, entry: ModelArtifact) -> Result<Listed, ModelError> {
     let description = parse(&entry.name, &entry.description)?;
-    let there = |key: &[u8; 32]| store.peek::<BlockArtifact>(&CacheKey::from_bytes(*key)).is_some();
+    let there = |key: &[u8; 32]| store.peek::<TrunkArtifact>(&CacheKey::from_bytes(*key)).is_some();
+    let heads: u32 = entry.trunks.iter().map(|(_, heads)| heads).sum();
     Ok(Listed {
-        k: description.known + entry.blocks.len(),
-        whole: entry.blocks.iter().all(there),
+        k: description.known + heads as usize,
+        whole: entry.trunks.iter().all(|(key, _)| there(key)),
         name: entry.name,
         description,
     })
@@ -255,7 +259,7 @@ fn tidy(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ggnn::model::samples::sphere_model;
+    use crate::ggnn::model::samples::{shared_model, sphere_model};
 
     #[test]
     fn a_model_is_imported_once_found_by_its_beginning_and_comes_back_whole() {
@@ -284,12 +288,26 @@ mod tests {
     }
 
     #[test]
+    fn the_heads_of_a_shared_trunk_come_back_on_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let model = shared_model();
+        import(&store, "sphere", &model).unwrap();
+        let (_, back) = load(&store, "sphere").unwrap();
+        assert_eq!(back, model);
+        assert_eq!(back.trunks().map(<[_]>::len).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(store.keys_of::<TrunkArtifact>().unwrap().len(), 2);
+        assert_eq!(list(&store).unwrap()[0].k, 4);
+    }
+
+    #[test]
     fn a_model_that_lost_a_block_says_so() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path()).unwrap();
-        let missing = [CacheKey::from_bytes([7; 32])];
+        let missing = [(CacheKey::from_bytes([7; 32]), 5)];
         put(&store, "torn", &sphere_model().description, &missing).unwrap();
-        assert!(!list(&store).unwrap()[0].whole);
+        let listed = list(&store).unwrap().remove(0);
+        assert_eq!((listed.k, listed.whole), (6, false));
         let torn = load(&store, "torn").unwrap_err().to_string();
         assert!(torn.contains("φ2") && torn.contains("run its pipeline again"), "{torn}");
     }

@@ -107,7 +107,7 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     Ok(Ended { report, defect })
 }
 
-/// ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► … ─► train φ_K ─► predict ─► refine ─┬─► verify ─► publish
+/// ingest ─► assemble ─┬─► remesh ─► family ─► train φ₁ ─► … ─► train φ_K ─► predict ─► refine ─┬─► verify ─► publish
 ///                     ├─► predict with a given model ───────────────────────────► refine ─┤
 ///                     └─► solve ──────────────────────────────────────────────────────────┘
 fn chain(
@@ -135,7 +135,7 @@ fn chain(
             let mut training = assembled
                 .then(move |item, assembled| remesh::remesh(&remeshing, item, assembled))
                 .then(move |item, familied| family::prepare(&preparing, item, familied));
-            for k in 2..=context.pipeline.train.k {
+            for k in 1..=context.pipeline.train.k {
                 let trainer = c();
                 training = training.then(move |item, state| train::train(&trainer, item, k, state));
             }

@@ -1,5 +1,7 @@
-//! Training one eigenfunction's block: the stage that stands K − 1 times in the chain.
+//! Training: the stage that stands K times in the chain, once for every eigenfunction. Where each has a trunk of its own, a
+//! call trains one block; where all share a trunk, the first call trains all of them and the others find theirs there.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -8,13 +10,14 @@ use tokio_util::sync::CancellationToken;
 use tracing_indicatif::span_ext::IndicatifSpanExt;
 
 use super::Failure;
-use super::artifacts::BlockArtifact;
+use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::context::{Context, Work, canonical};
 use super::family::TrainingSet;
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::predict::predict_next;
+use crate::ggnn::recipe::{Ritz, Trunks};
 use crate::ggnn::sample::Sample;
 use crate::ggnn::train::{Observer, TrainError, train_blocks};
 use crate::spectrum::Dense;
@@ -40,13 +43,13 @@ pub struct TrainedBlock {
     pub k: usize,
     /// The block.
     pub block: Arc<Block>,
-    /// Where the store has it.
+    /// Where the store has its trunk, with it and all other heads.
     pub key: CacheKey,
-    /// Of the block.
+    /// Of the trunk with its heads.
     pub digest: Digest,
     /// Trained in this run or reused.
     pub how: How,
-    /// Seconds spent on it in this run.
+    /// Seconds spent on it in this run; the heads of a trunk share its time evenly.
     pub seconds: f64,
 }
 
@@ -61,9 +64,14 @@ impl InTraining {
     pub fn known(&self) -> usize {
         self.training.nullspaces.first().map_or(0, Dense::ncols)
     }
+
+    /// The last eigenfunction that there is a block for, or that needs none.
+    fn reached(&self) -> usize {
+        self.known() + self.blocks.len()
+    }
 }
 
-/// Trains or recalls the block for φ_k. Eigenfunctions of λ = 0 have none.
+/// Trains or recalls the block for φ_k, and with it those on the same trunk. Eigenfunctions of λ = 0 have none.
 ///
 /// # Errors
 /// When training fails or is interrupted.
@@ -73,57 +81,93 @@ pub fn train(
     k: usize,
     mut state: InTraining,
 ) -> Result<InTraining, Failure> {
-    if k <= state.known() {
+    if k <= state.reached() {
         return Ok(state);
     }
     let started = Instant::now();
-    let training = state.training.clone();
     let options = &context.pipeline.train;
     let recipe = options.recipe(context.pipeline.features.inputs());
-    let family = Work::<BlockArtifact>::of_stage()
-        .part(k)
-        .param("recipe", canonical(&recipe))
-        .param("features", canonical(&training.features))
-        .input("family", &training.family_digest);
-    let members = training.operators_digests.iter();
-    let work = members.fold(family, |work, operators| work.input("operators", operators));
-    let work = state
-        .blocks
-        .iter()
-        .fold(work, |work, earlier| work.input(format!("block {}", earlier.k), &earlier.digest));
-    let name = state.assembled.loaded.job.name.clone();
-    let recalled = context.recall(item, work.seeded(options.seed, "f32"), || {
-        let progress = Progress::new(&name, k, recipe.steps, &context.cancel);
-        catch_up(&training, &state.blocks, &mut state.earlier);
-        let samples = training
-            .members
-            .iter()
-            .zip(&state.earlier)
-            .map(|(member, earlier)| Sample::new(member, earlier))
-            .collect();
-        let blocks = train_blocks(samples, &recipe, 1, block_seed(options.seed, k), &progress)
-            .map_err(|source| match source {
-                TrainError::Cancelled => Failure::Interrupted,
-                source => Failure::Train { k, source },
-            })?;
-        Ok(BlockArtifact::from(&blocks[0]))
+    let wanted = match options.trunk {
+        Trunks::PerEigenfunction => k..=k,
+        Trunks::Shared => k..=options.k,
+    };
+    let work = work(context, &state, &recipe, &wanted).seeded(options.seed, "f32");
+    let recalled = context.recall(item, work, || {
+        let blocks = trained(context, &mut state, &recipe, &wanted)?;
+        Ok(TrunkArtifact::of(&blocks))
     })?;
-    let spent = started.elapsed();
-    tracing::debug!(mesh = name, k, how = ?recalled.how, seconds = spent.as_secs_f64(), "block");
-    state.blocks.push(TrainedBlock {
-        k,
-        block: Arc::new(recalled.artifact.into()),
-        key: recalled.key,
-        digest: recalled.digest,
-        how: recalled.how,
-        seconds: spent.as_secs_f64(),
-    });
-    state.assembled.loaded.spent(format!("train φ{k}"), recalled.how, spent);
+    let (spent, functions) = (started.elapsed(), named(&wanted));
+    let mesh = &state.assembled.loaded.job.name;
+    let seconds = spent.as_secs_f64();
+    tracing::debug!(mesh, functions, how = ?recalled.how, seconds, "trained");
+    let (key, digest, how) = (recalled.key, recalled.digest, recalled.how);
+    let blocks = recalled.artifact.into_blocks();
+    let seconds = seconds / blocks.len() as f64;
+    state.blocks.extend(wanted.zip(blocks).map(|(k, block)| {
+        let block = Arc::new(block);
+        TrainedBlock { k, block, key, digest, how, seconds }
+    }));
+    state.assembled.loaded.spent(format!("train {functions}"), how, spent);
     Ok(state)
 }
 
-/// Every block has its own stream of the pipeline's seed.
-fn block_seed(seed: u64, k: usize) -> u64 {
+/// What the blocks for φ of `wanted` depend on: a trunk of its own on the blocks before it, a shared one on K.
+fn work(
+    context: &Context,
+    state: &InTraining,
+    recipe: &Ritz,
+    wanted: &RangeInclusive<usize>,
+) -> Work<TrunkArtifact> {
+    let (training, trunk) = (&state.training, context.pipeline.train.trunk);
+    let work = Work::of_stage()
+        .param("trunk", trunk.name())
+        .param("recipe", canonical(recipe))
+        .param("features", canonical(&training.features))
+        .input("family", &training.family_digest);
+    let members = training.operators_digests.iter();
+    let work = members.fold(work, |work, operators| work.input("operators", operators));
+    match trunk {
+        Trunks::PerEigenfunction => {
+            let earlier = state.blocks.iter();
+            earlier.fold(work.part(*wanted.start()), |work, earlier| {
+                work.input(format!("block {}", earlier.k), &earlier.digest)
+            })
+        }
+        Trunks::Shared => work.param("k", wanted.end().to_string()),
+    }
+}
+
+/// Trains the blocks for φ of `wanted` on one trunk, against all that is known before them.
+fn trained(
+    context: &Context,
+    state: &mut InTraining,
+    recipe: &Ritz,
+    wanted: &RangeInclusive<usize>,
+) -> Result<Vec<Block>, Failure> {
+    let (heads, width) = (wanted.clone().count(), recipe.shape.width);
+    if heads > width {
+        return Err(Failure::NarrowTrunk { heads, width });
+    }
+    let mesh = &state.assembled.loaded.job.name;
+    let progress = Progress::new(mesh, wanted, recipe.steps, &context.cancel);
+    catch_up(&state.training, &state.blocks, &mut state.earlier);
+    let members = state.training.members.iter().zip(&state.earlier);
+    let samples = members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
+    let seed = trunk_seed(context.pipeline.train.seed, *wanted.start());
+    train_blocks(samples, recipe, heads, seed, &progress).map_err(|source| match source {
+        TrainError::Cancelled => Failure::Interrupted,
+        source => Failure::Train { functions: named(wanted), source },
+    })
+}
+
+/// φ2, or φ2…φ16.
+fn named(functions: &RangeInclusive<usize>) -> String {
+    let (first, last) = (functions.start(), functions.end());
+    if first == last { format!("φ{first}") } else { format!("φ{first}…φ{last}") }
+}
+
+/// Every trunk has its own stream of the pipeline's seed, by the first eigenfunction that it is for.
+fn trunk_seed(seed: u64, k: usize) -> u64 {
     seed ^ (k as u64).rotate_left(32)
 }
 
@@ -148,10 +192,22 @@ struct Progress<'c> {
 }
 
 impl<'c> Progress<'c> {
-    fn new(mesh: &str, k: usize, steps: usize, cancel: &'c CancellationToken) -> Self {
-        let bar = tracing::info_span!("train", mesh, k, indicatif.pb_show = tracing::field::Empty);
+    fn new(
+        mesh: &str,
+        wanted: &RangeInclusive<usize>,
+        steps: usize,
+        cancel: &'c CancellationToken,
+    ) -> Self {
+        let functions = named(wanted);
+        let bar = tracing::info_span!(
+            "train",
+            mesh,
+            functions,
+            indicatif.pb_show = tracing::field::Empty
+        );
         bar.pb_set_length(steps as u64);
-        bar.pb_set_message(&format!("{mesh}: training φ{k}"));
+        let together = if wanted.start() < wanted.end() { " on one trunk" } else { "" };
+        bar.pb_set_message(&format!("{mesh}: training {functions}{together}"));
         bar.pb_start();
         Self { bar, cancel }
     }

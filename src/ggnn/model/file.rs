@@ -1,13 +1,14 @@
 //! A model as a safetensors file, little-endian, which other programs can open too.
 //!
 //! ```text
-//! __metadata__.chladni      JSON: schema, description, sizes of every trunk
+//! __metadata__.chladni      JSON: schema, description, sizes and heads of every trunk
 //! phi<k>.trunk.<i>          f32, r×c: the trunk's weights in the order of Trunk::weights
+//! phi<k>.history            f64: the Rayleigh quotient at every step of its training
 //! phi<k>.head               f64, h: w_out
-//! phi<k>.quotients          f64: the Rayleigh quotient before training, at every step, and after it
+//! phi<k>.quotients          f64, 2: the Rayleigh quotient before training and after it
 //! checksum                  u8, 32: BLAKE3 of the metadata and of all tensors above
 //! ```
-//! One model has one sequence of bytes. Nothing in a file is believed before it is checked: the length against that of
+//! A trunk and its history stand under the first eigenfunction that has its head there. One model has one sequence of bytes. Nothing in a file is believed before it is checked: the length against that of
 //! the file, then the schema, then every size, then the checksum.
 
 use std::borrow::Cow;
@@ -15,6 +16,7 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use safetensors::tensor::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
@@ -81,8 +83,16 @@ pub enum ModelFault {
 struct Header<'a> {
     schema: Cow<'a, str>,
     description: Cow<'a, Description>,
-    /// One a block.
-    shapes: Vec<TrunkShape>,
+    /// In the order of their eigenfunctions.
+    trunks: Vec<TrunkHeader>,
+}
+
+/// A trunk.
+#[derive(Serialize, Deserialize)]
+struct TrunkHeader {
+    /// How many eigenfunctions have their heads on it.
+    heads: usize,
+    shape: TrunkShape,
 }
 
 /// The schema alone, which every version can read.
@@ -97,7 +107,7 @@ impl Model {
         let header = Header {
             schema: SCHEMA.into(),
             description: Cow::Borrowed(&self.description),
-            shapes: self.blocks.iter().map(|block| block.shape).collect(),
+            trunks: self.trunks().map(TrunkHeader::of).collect(),
         };
         let header = serde_json::to_string(&header).expect("a description is numbers and names");
         let mut tensors = self.tensors();
@@ -122,12 +132,12 @@ impl Model {
         let length = header_length(bytes, bytes.len() as u64)?;
         let text = metadata(&bytes[8..8 + length], bytes.len() as u64)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
-        let Header { description, shapes, .. } = serde_json::from_str(&text).map_err(damaged)?;
+        let Header { description, trunks, .. } = serde_json::from_str(&text).map_err(damaged)?;
         let reader = Reader(&tensors);
-        let first = description.known + 1;
         let mut blocks = Vec::new();
-        for (k, shape) in (first..).zip(shapes) {
-            blocks.push(reader.block(k, shape)?);
+        for trunk in trunks {
+            let first = description.known.saturating_add(1 + blocks.len());
+            blocks.extend(reader.blocks(first, &trunk)?);
         }
         let model = Self { description: description.into_owned(), blocks };
         let found = reader.bytes(CHECKSUM, Dtype::U8, &[32])?;
@@ -153,19 +163,35 @@ impl Model {
     /// All tensors but the checksum, in the order that it takes them in.
     fn tensors(&self) -> Vec<(String, Tensor)> {
         let mut tensors = Vec::new();
-        for (k, block) in (self.description.known + 1..).zip(&self.blocks) {
-            let sizes = parameter_sizes(block.shape);
-            for (i, (weights, (rows, columns))) in block.weights.iter().zip(sizes).enumerate() {
-                let data = weights.iter().flat_map(|w| w.to_le_bytes()).collect();
-                let tensor = Tensor { dtype: Dtype::F32, shape: vec![rows, columns], data };
-                tensors.push((format!("phi{k}.trunk.{i}"), tensor));
+        let mut k = self.description.known;
+        for heads in self.trunks() {
+            tensors.extend(trunk_tensors(k + 1, &heads[0]));
+            for Block { head, record, .. } in heads {
+                k += 1;
+                let quotients = [record.untrained, record.trained];
+                tensors.push((format!("phi{k}.head"), Tensor::of_doubles(head)));
+                tensors.push((format!("phi{k}.quotients"), Tensor::of_doubles(&quotients)));
             }
-            let TrainingRecord { history, untrained, trained } = &block.record;
-            let quotients = [&[*untrained], history.as_slice(), &[*trained]].concat();
-            tensors.push((format!("phi{k}.head"), Tensor::of_doubles(&block.head)));
-            tensors.push((format!("phi{k}.quotients"), Tensor::of_doubles(&quotients)));
         }
         tensors
+    }
+}
+
+/// The trunk of φ_k and how it was trained.
+fn trunk_tensors(k: usize, Block { shape, weights, record, .. }: &Block) -> Vec<(String, Tensor)> {
+    let parameters = weights.iter().zip(parameter_sizes(*shape)).enumerate();
+    let parameters = parameters.map(|(i, (weights, (rows, columns)))| {
+        let data = weights.iter().flat_map(|w| w.to_le_bytes()).collect();
+        let tensor = Tensor { dtype: Dtype::F32, shape: vec![rows, columns], data };
+        (format!("phi{k}.trunk.{i}"), tensor)
+    });
+    let history = (format!("phi{k}.history"), Tensor::of_doubles(&record.history));
+    parameters.chain([history]).collect()
+}
+
+impl TrunkHeader {
+    fn of(heads: &[Block]) -> Self {
+        Self { heads: heads.len(), shape: heads[0].shape }
     }
 }
 
@@ -219,17 +245,31 @@ impl View for Tensor {
 struct Reader<'a>(&'a SafeTensors<'a>);
 
 impl Reader<'_> {
-    fn block(&self, k: usize, shape: TrunkShape) -> Result<Block, ModelFault> {
+    /// The blocks of a trunk, the first of them for φ_k.
+    fn blocks(&self, k: usize, trunk: &TrunkHeader) -> Result<Vec<Block>, ModelFault> {
+        let &TrunkHeader { heads, shape } = trunk;
         // Before anything is allocated by what a size says.
-        if shape.layers > self.0.len() {
-            return Err(damaged(format!("φ{k} announces {} layers", shape.layers)));
+        if shape.layers > self.0.len() || heads > self.0.len() || heads == 0 {
+            let layers = shape.layers;
+            return Err(damaged(format!("φ{k} announces {layers} layers and {heads} heads")));
         }
         let sizes = parameter_sizes(shape).into_iter().enumerate();
         let weights = sizes.map(|(i, (rows, columns))| {
             let data = self.bytes(&format!("phi{k}.trunk.{i}"), Dtype::F32, &[rows, columns])?;
             Ok(data.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
         });
-        let weights: Vec<_> = weights.collect::<Result<_, ModelFault>>()?;
+        let weights = Arc::new(weights.collect::<Result<Vec<_>, ModelFault>>()?);
+        let history = self.doubles(&format!("phi{k}.history"))?;
+        let block = |k| {
+            let (head, [untrained, trained]) = self.head(k, shape)?;
+            let record = TrainingRecord { history: history.clone(), untrained, trained };
+            Ok(Block { shape, weights: weights.clone(), head, record })
+        };
+        (k..).take(heads).map(block).collect()
+    }
+
+    /// w_out of φ_k, and its quotients before and after training.
+    fn head(&self, k: usize, shape: TrunkShape) -> Result<(Vec<f64>, [f64; 2]), ModelFault> {
         let head = self.doubles(&format!("phi{k}.head"))?;
         if head.len() != shape.width {
             return Err(damaged(format!(
@@ -239,12 +279,10 @@ impl Reader<'_> {
             )));
         }
         let quotients = self.doubles(&format!("phi{k}.quotients"))?;
-        let [untrained, history @ .., trained] = quotients.as_slice() else {
+        let &[untrained, trained] = quotients.as_slice() else {
             return Err(damaged(format!("the training record of φ{k} is incomplete")));
         };
-        let record =
-            TrainingRecord { history: history.to_vec(), untrained: *untrained, trained: *trained };
-        Ok(Block { shape, weights: weights.into(), head, record })
+        Ok((head, [untrained, trained]))
     }
 
     fn doubles(&self, name: &str) -> Result<Vec<f64>, ModelFault> {
@@ -326,7 +364,7 @@ fn metadata(header: &[u8], total: u64) -> Result<String, ModelFault> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::samples::sphere_model;
+    use super::super::samples::{shared_model, sphere_model};
     use super::*;
 
     #[test]
@@ -339,6 +377,19 @@ mod tests {
         let other = SafeTensors::deserialize(&bytes).unwrap();
         assert_eq!(other.tensor("phi2.trunk.0").unwrap().shape(), [4, 3]);
         assert_eq!(other.tensor("phi3.head").unwrap().dtype(), Dtype::F64);
+    }
+
+    #[test]
+    fn the_weights_of_a_shared_trunk_are_there_once() {
+        let model = shared_model();
+        let bytes = model.to_bytes();
+        let back = Model::from_bytes(&bytes).unwrap();
+        assert_eq!(back, model);
+        assert!(back.blocks[1].shares_trunk(&back.blocks[2]));
+        assert!(!back.blocks[0].shares_trunk(&back.blocks[1]));
+        let tensors = SafeTensors::deserialize(&bytes).unwrap();
+        assert!(tensors.tensor("phi3.trunk.0").is_ok() && tensors.tensor("phi4.head").is_ok());
+        assert!(tensors.tensor("phi4.trunk.0").is_err() && tensors.tensor("phi4.history").is_err());
     }
 
     #[test]
@@ -405,7 +456,7 @@ mod tests {
             ModelFault::Damaged(_)
         ));
         assert!(matches!(refused(&bytes(ours, "[4,3]", "48")), ModelFault::Damaged(_)));
-        for (size, absurd) in [("layers", "1"), ("width", "4")] {
+        for (size, absurd) in [("layers", "1"), ("width", "4"), ("heads", "1")] {
             let [from, to] = [absurd, &huge].map(|v| format!(r#"\"{size}\":{v}"#));
             let lying = ours.replace(&from, &to);
             assert_ne!(lying, ours);

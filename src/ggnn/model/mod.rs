@@ -32,6 +32,11 @@ impl Model {
     pub fn k(&self) -> usize {
         self.description.known + self.blocks.len()
     }
+
+    /// The blocks, those on one trunk together.
+    pub fn trunks(&self) -> impl Iterator<Item = &[Block]> {
+        self.blocks.chunk_by(Block::shares_trunk)
+    }
 }
 
 /// All but the weights.

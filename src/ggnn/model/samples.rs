@@ -6,6 +6,17 @@ use crate::ggnn::network::{Trunk, TrunkShape};
 use crate::ggnn::recipe::Ritz;
 use crate::mesh::sample::icosphere;
 
+/// [`sphere_model`], with one more head on the trunk of its second block.
+pub fn shared_model() -> Model {
+    let mut model = sphere_model();
+    let second = &model.blocks[1];
+    let head = second.head.iter().map(|w| 1.0 - w).collect();
+    let record = TrainingRecord { untrained: 64.0, trained: 60.5, ..second.record.clone() };
+    let third = Block { head, record, ..second.clone() };
+    model.blocks.push(third);
+    model
+}
+
 /// Two blocks of four features, for icosphere(1).
 pub fn sphere_model() -> Model {
     let mesh = icosphere(1);
