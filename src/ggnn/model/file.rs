@@ -3,7 +3,7 @@
 //! ```text
 //! __metadata__.chladni      JSON: schema, description, sizes of every trunk
 //! phi<k>.trunk.<i>          f32, r×c: the trunk's weights in the order of Trunk::weights
-//! phi<k>.head               f64, h: w_out
+//! phi<k>.head               f64, h or h + 1: w_out, and b_out where the recipe has one
 //! phi<k>.quotients          f64: the Rayleigh quotient before training, at every step, and after it
 //! checksum                  u8, 32: BLAKE3 of the metadata and of all tensors above
 //! ```
@@ -231,7 +231,7 @@ impl Reader<'_> {
         });
         let weights: Vec<_> = weights.collect::<Result<_, ModelFault>>()?;
         let head = self.doubles(&format!("phi{k}.head"))?;
-        if head.len() != shape.width {
+        if ![shape.width, shape.width + 1].contains(&head.len()) {
             return Err(damaged(format!(
                 "φ{k} has {} features and {} weights in its head",
                 shape.width,

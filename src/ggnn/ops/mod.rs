@@ -7,12 +7,14 @@
 //! - [`graph`]: sparse times dense
 //! - [`activation`]: the functions between layers
 //! - [`encoder`]: ENC of (28)
+//! - [`decoder`]: DEC of (27), where it is trained
 //! - [`sggc`]: the SGGC layer of (29)
 //! - [`gcn`], [`gat`]: the layers that the paper compares it with
 //! - [`rayleigh`]: the Rayleigh quotient of a solved head, what `ritz` trains on
 //! - [`losses`]: the paper's loss terms (24)–(26)
 
 pub mod activation;
+pub mod decoder;
 pub mod encoder;
 pub mod gat;
 pub mod gcn;
