@@ -77,13 +77,12 @@ impl Sample {
         let (z, tape) = b_normalise(prediction, mass).split_tape();
         let on = |tape: T| z.clone().put_tape(tape);
         let (bc, tape) = boundary_loss(on(tape), held).split_tape();
-        let (eigen, tape) =
-            residual_loss(on(tape), stiffness, mass, &self.rows(rows)).split_tape();
+        let (eigen, tape) = residual_loss(on(tape), stiffness, mass, &self.rows(rows)).split_tape();
         let (ortho, tape) = orthogonality_loss(on(tape), b_phi).split_tape();
-        let [boundary, residual, orthogonality] = [&bc, &eigen, &ortho].map(|t| entries(t)[0].wide());
+        let [boundary, residual, orthogonality] =
+            [&bc, &eigen, &ortho].map(|t| entries(t)[0].wide());
         let z: Vec<f64> = entries(&z).into_iter().map(Real::wide).collect();
-        let terms =
-            Terms { boundary, residual, orthogonality, quotient: quadratic(stiffness, &z) };
+        let terms = Terms { boundary, residual, orthogonality, quotient: quadratic(stiffness, &z) };
         let Weights { boundary, residual, orthogonality } = weights;
         (weighted([(bc, boundary), (eigen, residual), (ortho, orthogonality)], tape), terms)
     }

@@ -33,8 +33,8 @@ pub fn train_block(
     observer: &dyn Observer,
 ) -> Result<Block, TrainError> {
     let mut network = Network::<f32>::init(recipe, seed);
-    let untrained = quotient(samples, &block(recipe, &network))
-        .ok_or(TrainError::Degenerate { step: 0 })?;
+    let untrained =
+        quotient(samples, &block(recipe, &network)).ok_or(TrainError::Degenerate { step: 0 })?;
     let mut adam = Moments::new(network.parameters());
     let mut order: Vec<usize> = (0..samples.len()).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
