@@ -14,7 +14,9 @@ use super::context::{Context, Work, canonical};
 use super::family::TrainingSet;
 use crate::flow::events::How;
 use crate::ggnn::Block;
+use crate::ggnn::paper::{self, train_block};
 use crate::ggnn::predict::predict_next;
+use crate::ggnn::recipe::Recipe;
 use crate::ggnn::sample::Sample;
 use crate::ggnn::train::{Observer, TrainError, train_blocks};
 use crate::spectrum::Dense;
@@ -93,20 +95,17 @@ pub fn train(
         .fold(work, |work, earlier| work.input(format!("block {}", earlier.k), &earlier.digest));
     let name = state.assembled.loaded.job.name.clone();
     let recalled = context.recall(item, work.seeded(options.seed, "f32"), || {
-        let progress = Progress::new(&name, k, recipe.steps, &context.cancel);
+        let progress = Progress::new(&name, k, recipe.reports(), &context.cancel);
         catch_up(&training, &state.blocks, &mut state.earlier);
-        let samples = training
-            .members
-            .iter()
-            .zip(&state.earlier)
-            .map(|(member, earlier)| Sample::new(member, earlier))
-            .collect();
-        let blocks = train_blocks(samples, &recipe, 1, block_seed(options.seed, k), &progress)
-            .map_err(|source| match source {
-                TrainError::Cancelled => Failure::Interrupted,
-                source => Failure::Train { k, source },
+        let seed = block_seed(options.seed, k);
+        let block =
+            next_block(&training, &state.earlier, &recipe, seed, &progress).map_err(|source| {
+                match source {
+                    TrainError::Cancelled => Failure::Interrupted,
+                    source => Failure::Train { k, source },
+                }
             })?;
-        Ok(BlockArtifact::from(&blocks[0]))
+        Ok(BlockArtifact::from(&block))
     })?;
     let spent = started.elapsed();
     tracing::debug!(mesh = name, k, how = ?recalled.how, seconds = spent.as_secs_f64(), "block");
@@ -120,6 +119,29 @@ pub fn train(
     });
     state.assembled.loaded.spent(format!("train φ{k}"), recalled.how, spent);
     Ok(state)
+}
+
+/// Trains the block that follows the functions `earlier` on every member.
+fn next_block(
+    training: &TrainingSet,
+    earlier: &[Dense],
+    recipe: &Recipe,
+    seed: u64,
+    progress: &Progress<'_>,
+) -> Result<Block, TrainError> {
+    let members = training.members.iter().zip(earlier);
+    match recipe {
+        Recipe::Ritz(recipe) => {
+            let samples = members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
+            Ok(train_blocks(samples, recipe, 1, seed, progress)?.remove(0))
+        }
+        Recipe::Paper(recipe) => {
+            // Under the Neumann condition, the only one so far, no vertex is held.
+            let sample = |(member, earlier)| paper::Sample::new(member, vec![], earlier);
+            let samples: Vec<_> = members.map(sample).collect();
+            train_block(&samples, recipe, seed, progress)
+        }
+    }
 }
 
 /// Every block has its own stream of the pipeline's seed.
