@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-use crate::ggnn::features::FeatureOptions;
+use crate::ggnn::features::{FeatureOptions, Normalise};
 use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
-use crate::ggnn::recipe::{Ritz, Trunks};
+use crate::ggnn::paper::{Paper, ResidualRows, Warmup, Weights};
+use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 use crate::spectrum::mpgd::Stopping;
@@ -53,6 +54,8 @@ pub struct Train {
     pub method: Method,
     /// The model of `predict`: a file, relative to the pipeline file, or a name in the cache. Empty for none.
     pub model: String,
+    /// How blocks are trained: `ritz` or `paper`.
+    pub recipe: RecipeName,
     /// What is made of learned eigenfunctions.
     pub refine: Refine,
     /// K: eigenpairs, the constant included.
@@ -77,17 +80,46 @@ pub struct Train {
     pub hidden_range: f64,
     /// Which of them: `symmetric`, with phases in [−π, π], or `positive`, with phases in [0, γ₁].
     pub initial_weights: Interval,
-    /// Adam steps for a trunk.
-    pub steps: usize,
     /// Family members in one step.
     pub batch: usize,
-    /// Adam's learning rate at the first step; it falls to zero along a half cosine.
+    /// Adam's learning rate at the first step. By `ritz` it falls to zero along a half cosine.
     pub learning_rate: f64,
-    /// The head's ridge, relative to the trace of the features' stiffness: what keeps ill-conditioned combinations
+    /// `ritz`: Adam steps for a block.
+    pub steps: usize,
+    /// `ritz`: the head's ridge, relative to the trace of the features' stiffness: what keeps ill-conditioned combinations
     /// of features out.
     pub ridge: f64,
-    /// Parallel tapes. The bits of a result depend on it, but not on the number of threads.
+    /// `ritz`: parallel tapes. The bits of a result depend on it, but not on the number of threads.
     pub shards: usize,
+    /// `paper`: passes through the family for a block.
+    pub epochs: usize,
+    /// `paper`: after so many epochs the learning rate is multiplied by `decay`.
+    pub milestones: Vec<usize>,
+    /// `paper`: see `milestones`.
+    pub decay: f64,
+    /// `paper`: α₁ of (23), of the boundary condition (24).
+    pub boundary_weight: f64,
+    /// `paper`: α₂ of (23), of the residual (25).
+    pub residual_weight: f64,
+    /// `paper`: α₃ of (23), of orthogonality (26).
+    pub orthogonality_weight: f64,
+    /// `paper`: the share of α₂ in the first epoch.
+    pub residual_start: f64,
+    /// `paper`: the first epoch with all of α₂.
+    pub residual_warmup: usize,
+    /// `paper`: the rows of (25) that count under Dirichlet conditions.
+    pub residual_rows: ResidualRows,
+}
+
+/// `train.recipe`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RecipeName {
+    /// The decoder is solved, Adam trains the trunk on the Rayleigh quotient.
+    #[default]
+    Ritz,
+    /// Adam trains all weights on the loss (23), as the paper does.
+    Paper,
 }
 
 /// `train.method`
@@ -131,9 +163,11 @@ impl Refine {
 impl Default for Train {
     fn default() -> Self {
         let Ritz { shape, ranges, steps, batch, learning_rate, ridge, shards } = Ritz::default();
+        let paper = Paper::default();
         Self {
             method: Method::LepDpinn,
             model: String::new(),
+            recipe: RecipeName::Ritz,
             refine: Refine::None,
             k: 8,
             seed: 0,
@@ -151,33 +185,84 @@ impl Default for Train {
             learning_rate,
             ridge,
             shards,
+            epochs: paper.epochs,
+            milestones: paper.milestones,
+            decay: paper.decay,
+            boundary_weight: paper.weights.boundary,
+            residual_weight: paper.weights.residual,
+            orthogonality_weight: paper.weights.orthogonality,
+            residual_start: paper.warmup.start,
+            residual_warmup: paper.warmup.epochs,
+            residual_rows: paper.rows,
         }
     }
 }
 
 impl Train {
     /// The recipe that these options make for `inputs` features per vertex.
-    pub fn recipe(&self, inputs: usize) -> Ritz {
-        Ritz {
-            shape: TrunkShape {
-                inputs,
-                width: self.width,
-                layers: self.layers,
-                iterations: self.iterations,
-                layer: self.layer,
-                activation: self.activation,
-            },
-            ranges: Ranges {
-                encoder: self.encoder_range,
-                hidden: self.hidden_range,
-                interval: self.initial_weights,
-            },
-            steps: self.steps,
-            batch: self.batch,
-            learning_rate: self.learning_rate,
-            ridge: self.ridge,
-            shards: self.shards,
+    pub fn recipe(&self, inputs: usize) -> Recipe {
+        let shape = TrunkShape {
+            inputs,
+            width: self.width,
+            layers: self.layers,
+            iterations: self.iterations,
+            layer: self.layer,
+            activation: self.activation,
+        };
+        let ranges = Ranges {
+            encoder: self.encoder_range,
+            hidden: self.hidden_range,
+            interval: self.initial_weights,
+        };
+        let Self { batch, learning_rate, .. } = *self;
+        match self.recipe {
+            RecipeName::Ritz => Recipe::Ritz(Ritz {
+                shape,
+                ranges,
+                steps: self.steps,
+                batch,
+                learning_rate,
+                ridge: self.ridge,
+                shards: self.shards,
+            }),
+            RecipeName::Paper => Recipe::Paper(Paper {
+                shape,
+                ranges,
+                epochs: self.epochs,
+                batch,
+                learning_rate,
+                milestones: self.milestones.clone(),
+                decay: self.decay,
+                weights: Weights {
+                    boundary: self.boundary_weight,
+                    residual: self.residual_weight,
+                    orthogonality: self.orthogonality_weight,
+                },
+                warmup: Warmup { start: self.residual_start, epochs: self.residual_warmup },
+                rows: self.residual_rows,
+            }),
         }
+    }
+
+    /// Refuses options of the recipe that is not chosen: they would change nothing.
+    fn check_recipe(&self) -> Result<(), PipelineError> {
+        let [given, defaults] = [self, &Self::default()].map(|train| Table::try_from(train));
+        let (given, defaults) = (given.unwrap_or_default(), defaults.unwrap_or_default());
+        let (others, rule) = match self.recipe {
+            RecipeName::Ritz => {
+                (&PAPER_ONLY[..], "is for train.recipe = \"paper\"; set that, or leave it out")
+            }
+            RecipeName::Paper => {
+                (&RITZ_ONLY[..], "is for train.recipe = \"ritz\"; set that, or leave it out")
+            }
+        };
+        for key in others {
+            let name = key.rsplit('.').next().unwrap_or(key);
+            if let Some(value) = given.get(name).filter(|value| defaults.get(name) != Some(value)) {
+                return Err(PipelineError::Value { key, value: value.to_string(), rule });
+            }
+        }
+        Ok(())
     }
 
     fn check_layer(&self) -> Result<(), PipelineError> {
@@ -290,6 +375,20 @@ const LARGEST: [(&str, usize); 7] = [
     ("features.landmarks", 1_024),
 ];
 
+/// Options that only one recipe reads.
+const RITZ_ONLY: [&str; 4] = ["train.trunk", "train.steps", "train.ridge", "train.shards"];
+const PAPER_ONLY: [&str; 9] = [
+    "train.epochs",
+    "train.milestones",
+    "train.decay",
+    "train.boundary_weight",
+    "train.residual_weight",
+    "train.orthogonality_weight",
+    "train.residual_start",
+    "train.residual_warmup",
+    "train.residual_rows",
+];
+
 /// More would make meshes of hundreds of times the size.
 const MOST_SUBDIVISIONS: usize = 3;
 
@@ -358,6 +457,7 @@ impl Pipeline {
                 reason: plain(&e.to_string()),
             })?;
         }
+        lay_recipe_under(&mut table);
         let pipeline: Self = table.try_into().map_err(|e| malformed(e.to_string()))?;
         pipeline.check()?;
         Ok(pipeline)
@@ -372,6 +472,7 @@ impl Pipeline {
         self.check_operators()?;
         self.verify.check_step()?;
         self.train.check_layer()?;
+        self.train.check_recipe()?;
         let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
         for (key, value) in [
             ("train.k", k),
@@ -379,6 +480,7 @@ impl Pipeline {
             ("train.iterations", iterations),
             ("train.steps", steps),
             ("train.batch", batch),
+            ("train.epochs", self.train.epochs),
             ("train.shards", shards),
             ("family.members", self.family.members),
             ("features.landmarks", self.features.landmarks),
@@ -404,6 +506,7 @@ impl Pipeline {
         for (key, value) in [
             ("train.learning_rate", self.train.learning_rate),
             ("train.encoder_range", self.train.encoder_range),
+            ("train.decay", self.train.decay),
             ("verify.lambda_tolerance", self.verify.lambda_tolerance),
             ("verify.angle_tolerance", self.verify.angle_tolerance),
             ("verify.orthonormality_tolerance", self.verify.orthonormality_tolerance),
@@ -418,6 +521,10 @@ impl Pipeline {
         for (key, value) in [
             ("train.hidden_range", self.train.hidden_range),
             ("train.ridge", self.train.ridge),
+            ("train.boundary_weight", self.train.boundary_weight),
+            ("train.residual_weight", self.train.residual_weight),
+            ("train.orthogonality_weight", self.train.orthogonality_weight),
+            ("train.residual_start", self.train.residual_start),
             ("family.jitter", self.family.jitter),
             ("family.perturbation", self.family.perturbation),
             ("family.flips", self.family.flips),
@@ -554,6 +661,27 @@ fn assign(table: &mut Table, argument: &str) -> Result<(), PipelineError> {
     Ok(())
 }
 
+/// Options whose default depends on the recipe: lays the paper's under what a file says.
+fn lay_recipe_under(table: &mut Table) {
+    let recipe = table.get("train").and_then(|train| train.get("recipe"));
+    if recipe.and_then(Value::as_str) != Some("paper") {
+        return;
+    }
+    let Paper { ranges, batch, learning_rate, .. } = Paper::default();
+    for (section, key, value) in [
+        ("train", "batch", Value::try_from(batch)),
+        ("train", "learning_rate", Value::try_from(learning_rate)),
+        ("train", "encoder_range", Value::try_from(ranges.encoder)),
+        ("train", "initial_weights", Value::try_from(ranges.interval)),
+        ("features", "normalise", Value::try_from(Normalise::None)),
+    ] {
+        let options = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
+        if let (Some(options), Ok(value)) = (options.as_table_mut(), value) {
+            options.entry(key).or_insert(value);
+        }
+    }
+}
+
 /// All options as `section.key`, from the defaults.
 fn known_keys() -> Vec<String> {
     let defaults = Table::try_from(Pipeline::default()).unwrap_or_default();
@@ -657,6 +785,7 @@ mod tests {
         let options =
             "[train]\nlayer = \"gat\"\nactivation = \"relu\"\ninitial_weights = \"positive\"";
         let recipe = parse(options, &[]).unwrap().train.recipe(3);
+        let Recipe::Ritz(recipe) = recipe else { panic!("{recipe:?}") };
         assert_eq!(recipe.shape.layer, Layer::Gat);
         assert_eq!(recipe.shape.activation, Activation::Relu);
         assert_eq!(recipe.ranges.interval, Interval::Positive);
@@ -669,6 +798,28 @@ mod tests {
             ["gin", "sggc", "gcn", "gat"].iter().all(|name| unknown.contains(name)),
             "{unknown}"
         );
+    }
+
+    #[test]
+    fn the_papers_recipe_has_its_own_defaults_and_refuses_the_others_options() {
+        let paper = parse("[train]\nrecipe = \"paper\"", &[]).unwrap();
+        assert_eq!(paper.train.recipe(3), Recipe::Paper(Paper::default()));
+        assert_eq!(paper.features.normalise, Normalise::None);
+        let set = ["train.recipe=paper", "train.batch=3", "features.normalise=area"];
+        let chosen = parse("", &set).unwrap();
+        assert_eq!((chosen.train.batch, chosen.features.normalise), (3, Normalise::Area));
+        let message = |set: &[&str]| parse("", set).unwrap_err().to_string();
+        let refused = message(&["train.epochs=9"]);
+        assert!(
+            refused.starts_with("train.epochs = 9: is for train.recipe = \"paper\""),
+            "{refused}"
+        );
+        let refused = message(&["train.recipe=paper", "train.steps=9"]);
+        assert!(
+            refused.starts_with("train.steps = 9: is for train.recipe = \"ritz\""),
+            "{refused}"
+        );
+        assert!(message(&["train.recipe=papers"]).contains("paper"));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::network::{Trunk, TrunkShape};
+use super::ops::rayleigh::decode;
 
 /// What became of one training.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +24,7 @@ pub struct Block {
     pub shape: TrunkShape,
     /// The trunk's weights, see [`Trunk::weights`]. The blocks of a shared trunk hold the same ones.
     pub weights: Arc<Vec<Vec<f32>>>,
-    /// w_out, solved over the whole family.
+    /// w_out, solved over the whole family; by recipe `paper` trained, and b_out after it.
     pub head: Vec<f64>,
     /// The training.
     pub record: TrainingRecord,
@@ -33,6 +34,14 @@ impl Block {
     /// The trunk with these weights.
     pub fn trunk(&self) -> Trunk<f32> {
         Trunk::from_weights(self.shape, self.weights.to_vec())
+    }
+
+    /// What the head makes of the last hidden features F, row-major n×h: F w_outᵀ + b_out, n.
+    pub fn decode(&self, features: &[f32]) -> Vec<f64> {
+        let (weights, bias) = self.head.split_at(self.shape.width);
+        let mut u = decode(features, weights);
+        bias.iter().for_each(|b| u.iter_mut().for_each(|u| *u += b));
+        u
     }
 
     /// Whether both are heads on one trunk.

@@ -9,6 +9,7 @@
 //! - [`sample`]: what training works on
 //! - [`recipe`]: the hyperparameters
 //! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
+//! - [`paper`]: one block, by recipe `paper`
 //! - [`block`]: what training makes
 //! - [`predict`]: forward passes on any mesh
 //! - [`model`]: a chain of blocks as a file, and which meshes it fits; [`likeness`]: whether they lie as the trained shape
@@ -22,6 +23,7 @@ pub mod likeness;
 pub mod model;
 pub mod network;
 pub mod ops;
+pub mod paper;
 pub mod predict;
 pub mod recipe;
 pub mod sample;

@@ -11,7 +11,6 @@ use super::block::Block;
 use super::deflation::Deflation;
 use super::ops::entries;
 use super::ops::graph::Graph;
-use super::ops::rayleigh::decode;
 use crate::operators::Sparse;
 use crate::spectrum::Dense;
 use crate::spectrum::eigenpairs::{normalise, orient};
@@ -93,7 +92,7 @@ fn forward(blocks: &[&Block], input: &NetworkInput) -> Vec<Vec<f64>> {
     let Some(first) = blocks.first() else { return vec![] };
     let features = first.trunk().forward(input.tensor(&Cpu::default()), &input.graph);
     let features = entries(&features);
-    blocks.iter().map(|block| decode(&features, &block.head)).collect()
+    blocks.iter().map(|block| block.decode(&features)).collect()
 }
 
 /// P u, scaled to unit B-norm, its sign fixed.

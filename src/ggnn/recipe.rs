@@ -5,6 +5,27 @@ use serde::{Deserialize, Serialize};
 use super::features::COORDINATES;
 use super::network::{Interval, Layer, Ranges, TrunkShape};
 use super::ops::activation::Activation;
+use super::paper::Paper;
+
+/// How blocks are trained.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Recipe {
+    /// See [`super::train`].
+    Ritz(Ritz),
+    /// See [`super::paper`].
+    Paper(Paper),
+}
+
+impl Recipe {
+    /// How often an observer of the training hears of its progress.
+    pub fn reports(&self) -> usize {
+        match self {
+            Self::Ritz(ritz) => ritz.steps,
+            Self::Paper(paper) => paper.epochs,
+        }
+    }
+}
 
 /// `train.trunk`: what has a trunk of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

@@ -158,14 +158,16 @@ fn forward(
     features
 }
 
-fn take(gradients: &mut Gradients<f32, Cpu>, parameter: &Matrix<f32>) -> Vec<f32> {
+/// The gradient of one parameter.
+pub(super) fn take(gradients: &mut Gradients<f32, Cpu>, parameter: &Matrix<f32>) -> Vec<f32> {
     match gradients.get_or_alloc_mut(parameter) {
         Ok(gradient) => std::mem::take(&mut **gradient),
         Err(error) => panic!("no memory for a gradient: {error:?}"),
     }
 }
 
-fn add_all(mut sum: Vec<Vec<f32>>, other: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+/// The sum of two sets of gradients.
+pub(super) fn add_all(mut sum: Vec<Vec<f32>>, other: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
     for (sum, other) in sum.iter_mut().zip(&other) {
         add(other, sum);
     }

@@ -18,6 +18,8 @@ use rand_chacha::ChaCha8Rng;
 use super::block::{Block, TrainingRecord};
 use super::head::{Grams, Head};
 use super::network::Trunk;
+use super::ops::Matrix;
+use super::paper::loss::Terms;
 use super::recipe::Ritz;
 use super::sample::Sample;
 use super::shards::Shards;
@@ -40,6 +42,8 @@ pub enum TrainError {
 pub trait Observer {
     /// After step `step` of `steps`, with the batch's Rayleigh quotient.
     fn step(&self, step: usize, steps: usize, quotient: f64);
+    /// After an epoch of recipe `paper`: the mean terms of its loss.
+    fn terms(&self, _epoch: usize, _terms: &Terms) {}
     /// Whether to stop now.
     fn cancelled(&self) -> bool;
 }
@@ -65,7 +69,7 @@ pub fn train_blocks(
             grams.solve(recipe.ridge, count).ok_or(TrainError::Degenerate { step })
         };
         let untrained = solve(shards.grams(&trunk, &everyone), 0)?;
-        let mut adam = Moments::new(&trunk);
+        let mut adam = Moments::new(trunk.parameters());
         let mut history = Vec::with_capacity(recipe.steps);
         for step in 0..recipe.steps {
             if observer.cancelled() {
@@ -75,7 +79,7 @@ pub fn train_blocks(
             // Solved on the very batch that gives the gradient: heads from another batch are not optimal here.
             let heads = solve(shards.grams(&trunk, &batch), step)?;
             let gradients = shards.gradients(&heads);
-            adam.update(&mut trunk, gradients, recipe.learning_rate_at(step));
+            adam.update(trunk.parameters_mut(), gradients, recipe.learning_rate_at(step));
             let quotient = geometric_mean(&heads);
             history.push(quotient);
             observer.step(step + 1, recipe.steps, quotient);
@@ -133,35 +137,39 @@ impl Batches {
 }
 
 /// Adam's moments, beside dfdx's kernel.
-struct Moments {
+pub(super) struct Moments {
     first: Vec<<Cpu as Storage<f32>>::Vec>,
     second: Vec<<Cpu as Storage<f32>>::Vec>,
     step: i32,
 }
 
 impl Moments {
-    fn new(trunk: &Trunk<f32>) -> Self {
+    /// Zeros for every parameter.
+    pub fn new<'p>(parameters: impl IntoIterator<Item = &'p Matrix<f32>>) -> Self {
         let mut zeros = Gradients::leaky();
-        let mut zeros_like = || -> Vec<<Cpu as Storage<f32>>::Vec> {
-            trunk
-                .parameters()
-                .iter()
-                .map(|p| match zeros.get_or_alloc_mut(p) {
-                    Ok(zeros) => zeros.clone(),
-                    Err(error) => panic!("no memory for Adam's moments: {error:?}"),
-                })
-                .collect()
-        };
-        Self { first: zeros_like(), second: zeros_like(), step: 0 }
+        let first: Vec<<Cpu as Storage<f32>>::Vec> = parameters
+            .into_iter()
+            .map(|p| match zeros.get_or_alloc_mut(p) {
+                Ok(zeros) => zeros.clone(),
+                Err(error) => panic!("no memory for Adam's moments: {error:?}"),
+            })
+            .collect();
+        Self { second: first.clone(), first, step: 0 }
     }
 
-    fn update(&mut self, trunk: &mut Trunk<f32>, gradients: Vec<Vec<f32>>, lr: f64) {
+    /// One step down the gradients.
+    pub fn update<'p>(
+        &mut self,
+        parameters: impl IntoIterator<Item = &'p mut Matrix<f32>>,
+        gradients: Vec<Vec<f32>>,
+        lr: f64,
+    ) {
         self.step += 1;
         let config = AdamConfig { lr, ..AdamConfig::default() };
         let moments = self.first.iter_mut().zip(&mut self.second);
         let mut scratch = Gradients::leaky();
         for ((parameter, gradient), (first, second)) in
-            trunk.parameters_mut().iter_mut().zip(gradients).zip(moments)
+            parameters.into_iter().zip(gradients).zip(moments)
         {
             let slot = match scratch.get_or_alloc_mut(parameter) {
                 Ok(slot) => slot,

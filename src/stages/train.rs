@@ -16,8 +16,9 @@ use super::context::{Context, Work, canonical};
 use super::family::TrainingSet;
 use crate::flow::events::How;
 use crate::ggnn::Block;
+use crate::ggnn::paper::{self, train_block};
 use crate::ggnn::predict::predict_next;
-use crate::ggnn::recipe::{Ritz, Trunks};
+use crate::ggnn::recipe::{Recipe, Trunks};
 use crate::ggnn::sample::Sample;
 use crate::ggnn::train::{Observer, TrainError, train_blocks};
 use crate::spectrum::Dense;
@@ -115,7 +116,7 @@ pub fn train(
 fn work(
     context: &Context,
     state: &InTraining,
-    recipe: &Ritz,
+    recipe: &Recipe,
     wanted: &RangeInclusive<usize>,
 ) -> Work<TrunkArtifact> {
     let (training, trunk) = (&state.training, context.pipeline.train.trunk);
@@ -141,20 +142,31 @@ fn work(
 fn trained(
     context: &Context,
     state: &mut InTraining,
-    recipe: &Ritz,
+    recipe: &Recipe,
     wanted: &RangeInclusive<usize>,
 ) -> Result<Vec<Block>, Failure> {
-    let (heads, width) = (wanted.clone().count(), recipe.shape.width);
-    if heads > width {
-        return Err(Failure::NarrowTrunk { heads, width });
-    }
     let mesh = &state.assembled.loaded.job.name;
-    let progress = Progress::new(mesh, wanted, recipe.steps, &context.cancel);
+    let progress = Progress::new(mesh, wanted, recipe.reports(), &context.cancel);
     catch_up(&state.training, &state.blocks, &mut state.earlier);
     let members = state.training.members.iter().zip(&state.earlier);
-    let samples = members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
     let seed = trunk_seed(context.pipeline.train.seed, *wanted.start());
-    train_blocks(samples, recipe, heads, seed, &progress).map_err(|source| match source {
+    let blocks = match recipe {
+        Recipe::Ritz(recipe) => {
+            let (heads, width) = (wanted.clone().count(), recipe.shape.width);
+            if heads > width {
+                return Err(Failure::NarrowTrunk { heads, width });
+            }
+            let samples = members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
+            train_blocks(samples, recipe, heads, seed, &progress)
+        }
+        Recipe::Paper(recipe) => {
+            // Under the Neumann condition, the only one so far, no vertex is held.
+            let sample = |(member, earlier)| paper::Sample::new(member, vec![], earlier);
+            let samples: Vec<_> = members.map(sample).collect();
+            train_block(&samples, recipe, seed, &progress).map(|block| vec![block])
+        }
+    };
+    blocks.map_err(|source| match source {
         TrainError::Cancelled => Failure::Interrupted,
         source => Failure::Train { functions: named(wanted), source },
     })

@@ -4,7 +4,7 @@
 //! __metadata__.chladni      JSON: schema, description, sizes and heads of every trunk
 //! phi<k>.trunk.<i>          f32, r×c: the trunk's weights in the order of Trunk::weights
 //! phi<k>.history            f64: the Rayleigh quotient at every step of its training
-//! phi<k>.head               f64, h: w_out
+//! phi<k>.head               f64, h or h + 1: w_out, and b_out where the recipe has one
 //! phi<k>.quotients          f64, 2: the Rayleigh quotient before training and after it
 //! checksum                  u8, 32: BLAKE3 of the metadata and of all tensors above
 //! ```
@@ -271,7 +271,7 @@ impl Reader<'_> {
     /// w_out of φ_k, and its quotients before and after training.
     fn head(&self, k: usize, shape: TrunkShape) -> Result<(Vec<f64>, [f64; 2]), ModelFault> {
         let head = self.doubles(&format!("phi{k}.head"))?;
-        if head.len() != shape.width {
+        if ![shape.width, shape.width + 1].contains(&head.len()) {
             return Err(damaged(format!(
                 "φ{k} has {} features and {} weights in its head",
                 shape.width,

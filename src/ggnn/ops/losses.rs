@@ -111,6 +111,25 @@ pub fn orthogonality_loss<E: Real, T: Tape<E, Cpu>>(
     out.put_tape(tape)
 }
 
+/// (23): Σ αᵢ ℒᵢ, the terms all on `tape`.
+pub fn weighted<E: Real, T: Tape<E, Cpu>, const N: usize>(
+    terms: [(Scalar<E>, f64); N],
+    mut tape: T,
+) -> Scalar<E, T> {
+    let sum = terms.iter().map(|(term, weight)| weight * term.as_vec()[0].wide()).sum();
+    let out = Cpu::default().tensor_from_vec(vec![E::round(sum)], ());
+    let out_ghost = out.ghost();
+    let parts = terms.map(|(term, weight)| (term.ghost(), weight));
+    tape.add_backward_op(move |grads| {
+        let outer = grads.get_or_alloc_mut(&out_ghost)?[0].wide();
+        for (term, weight) in &parts {
+            grads.get_or_alloc_mut(term)?[0] += E::round(weight * outer);
+        }
+        Ok(())
+    });
+    out.put_tape(tape)
+}
+
 /// Which rows of (25) count.
 #[derive(Debug, Clone)]
 pub enum Rows {

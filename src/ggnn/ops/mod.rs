@@ -7,6 +7,7 @@
 //! - [`graph`]: sparse times dense
 //! - [`activation`]: the functions between layers
 //! - [`encoder`]: ENC of (28)
+//! - [`decoder`]: DEC of (27), where it is trained
 //! - [`sggc`]: the SGGC layer of (29)
 //! - [`pointwise`]: the same without its neighbours
 //! - [`gcn`], [`gat`]: the layers that the paper compares it with
@@ -14,6 +15,7 @@
 //! - [`losses`]: the paper's loss terms (24)–(26)
 
 pub mod activation;
+pub mod decoder;
 pub mod encoder;
 pub mod gat;
 pub mod gcn;
