@@ -11,7 +11,8 @@ use crate::ggnn::features::FeatureOptions;
 use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
 use crate::ggnn::recipe::{Ritz, Trunks};
-use crate::operators::{Boundary, Laplacian, OperatorOptions};
+use crate::ggnn::sample::BOUNDARY_PENALTY;
+use crate::operators::{Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 use crate::spectrum::mpgd::Stopping;
 pub use mpgd_step::MpgdStep;
@@ -86,6 +87,8 @@ pub struct Train {
     /// The head's ridge, relative to the trace of the features' stiffness: what keeps ill-conditioned combinations
     /// of features out.
     pub ridge: f64,
+    /// What holds the network to 0 on a Dirichlet boundary, relative to the stiffness's own diagonal.
+    pub boundary_penalty: f64,
     /// Parallel tapes. The bits of a result depend on it, but not on the number of threads.
     pub shards: usize,
 }
@@ -150,6 +153,7 @@ impl Default for Train {
             batch,
             learning_rate,
             ridge,
+            boundary_penalty: BOUNDARY_PENALTY,
             shards,
         }
     }
@@ -404,6 +408,7 @@ impl Pipeline {
         for (key, value) in [
             ("train.learning_rate", self.train.learning_rate),
             ("train.encoder_range", self.train.encoder_range),
+            ("train.boundary_penalty", self.train.boundary_penalty),
             ("verify.lambda_tolerance", self.verify.lambda_tolerance),
             ("verify.angle_tolerance", self.verify.angle_tolerance),
             ("verify.orthonormality_tolerance", self.verify.orthonormality_tolerance),
@@ -484,7 +489,7 @@ impl Pipeline {
     }
 
     fn check_operators(&self) -> Result<(), PipelineError> {
-        let OperatorOptions { laplacian, mass, robust: _, boundary } = self.operators;
+        let OperatorOptions { laplacian, mass, robust: _, boundary: _ } = self.operators;
         if let (Some(mass), Err(_)) = (mass, self.operators.mass_kind()) {
             let rule = "\"degree\" belongs to the graph Laplacian, and the other masses to the others; \"auto\" always fits";
             return Err(PipelineError::Value {
@@ -495,15 +500,6 @@ impl Pipeline {
         }
         if matches!(self.train.method, Method::Fem | Method::Mpgd) {
             return Ok(());
-        }
-        if boundary == Boundary::Dirichlet {
-            let rule =
-                "is for train.method = \"fem\"; the learned method has the Neumann condition only";
-            return Err(PipelineError::Value {
-                key: "operators.boundary",
-                value: boundary.name().into(),
-                rule,
-            });
         }
         if laplacian == Laplacian::Graph {
             let rule = "cannot be trained: its spectrum belongs to the sampling of a mesh, which every variant changes; choose \"cotangent\" or \"fem\"";

@@ -58,6 +58,16 @@ impl Default for FeatureOptions {
 }
 
 impl FeatureOptions {
+    /// These options, with the defaults for those that the input does not use: what the features depend on.
+    pub fn effective(self) -> Self {
+        match self.input {
+            Input::Landmarks => self,
+            Input::Coordinates | Input::EdgeLengths => {
+                Self { landmarks: Self::default().landmarks, ..self }
+            }
+        }
+    }
+
     /// d: features per vertex.
     pub fn inputs(&self) -> usize {
         match self.input {
@@ -88,6 +98,23 @@ impl Features {
             Input::Coordinates => Self::Coordinates(normalise),
             Input::EdgeLengths => Self::EdgeLengths(normalise),
             Input::Landmarks => Self::Landmarks(normalise, Landmarks::of(mesh, landmarks)),
+        }
+    }
+
+    /// d: features per vertex; `None` when what is known of the landmarks contradicts itself.
+    pub fn inputs(&self) -> Option<usize> {
+        match self {
+            Self::Coordinates(_) => Some(COORDINATES),
+            Self::EdgeLengths(_) => Some(EDGE_LENGTHS),
+            Self::Landmarks(_, landmarks) => landmarks.is_sound().then_some(landmarks.count()),
+        }
+    }
+
+    /// How the coordinates are prepared, where they are what is read.
+    pub fn placed(&self) -> Option<Normalise> {
+        match self {
+            Self::Coordinates(normalise) => Some(*normalise),
+            Self::EdgeLengths(_) | Self::Landmarks(..) => None,
         }
     }
 
@@ -212,8 +239,9 @@ mod tests {
     fn every_input_has_the_features_that_its_options_say() {
         let mesh = icosphere(1);
         for input in [Input::Coordinates, Input::EdgeLengths, Input::Landmarks] {
-            let found = Features::of(&mesh, options(input)).read(&mesh).len();
-            assert_eq!(found, mesh.n() * options(input).inputs());
+            let features = Features::of(&mesh, options(input));
+            assert_eq!(features.inputs(), Some(options(input).inputs()));
+            assert_eq!(features.read(&mesh).len(), mesh.n() * options(input).inputs());
         }
     }
 
