@@ -12,6 +12,7 @@ use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
 use crate::ggnn::paper::{Paper, ResidualRows, Warmup, Weights};
 use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
+use crate::ggnn::sample::BOUNDARY_PENALTY;
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 use crate::spectrum::mpgd::Stopping;
@@ -89,6 +90,8 @@ pub struct Train {
     /// `ritz`: the head's ridge, relative to the trace of the features' stiffness: what keeps ill-conditioned combinations
     /// of features out.
     pub ridge: f64,
+    /// What holds the network to 0 on a Dirichlet boundary, relative to the stiffness's own diagonal.
+    pub boundary_penalty: f64,
     /// `ritz`: parallel tapes. The bits of a result depend on it, but not on the number of threads.
     pub shards: usize,
     /// `paper`: passes through the family for a block.
@@ -184,6 +187,7 @@ impl Default for Train {
             batch,
             learning_rate,
             ridge,
+            boundary_penalty: BOUNDARY_PENALTY,
             shards,
             epochs: paper.epochs,
             milestones: paper.milestones,
@@ -507,6 +511,7 @@ impl Pipeline {
             ("train.learning_rate", self.train.learning_rate),
             ("train.encoder_range", self.train.encoder_range),
             ("train.decay", self.train.decay),
+            ("train.boundary_penalty", self.train.boundary_penalty),
             ("verify.lambda_tolerance", self.verify.lambda_tolerance),
             ("verify.angle_tolerance", self.verify.angle_tolerance),
             ("verify.orthonormality_tolerance", self.verify.orthonormality_tolerance),
@@ -603,14 +608,11 @@ impl Pipeline {
         if matches!(self.train.method, Method::Fem | Method::Mpgd) {
             return Ok(());
         }
-        if boundary == Boundary::Dirichlet {
-            let rule =
-                "is for train.method = \"fem\"; the learned method has the Neumann condition only";
-            return Err(PipelineError::Value {
-                key: "operators.boundary",
-                value: boundary.name().into(),
-                rule,
-            });
+        let by_paper = self.train.recipe == RecipeName::Paper;
+        if by_paper && self.train.method == Method::LepDpinn && boundary == Boundary::Dirichlet {
+            let rule = "is not wired to train.recipe = \"paper\" yet; train by \"ritz\"";
+            let value = boundary.name().into();
+            return Err(PipelineError::Value { key: "operators.boundary", value, rule });
         }
         if laplacian == Laplacian::Graph {
             let rule = "cannot be trained: its spectrum belongs to the sampling of a mesh, which every variant changes; choose \"cotangent\" or \"fem\"";

@@ -161,7 +161,6 @@ fn context(arguments: &Arguments, given: Arc<GivenModel>) -> Context {
         Refining::Full => Refine::Full,
     };
     pipeline.operators = description.operators;
-    pipeline.features.normalise = description.normalise;
     Context {
         pipeline,
         model: Some(given),

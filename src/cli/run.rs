@@ -112,6 +112,7 @@ fn start(
 /// The model of `train.method = "predict"`.
 fn given_model(pipeline: &Pipeline, store: &Store) -> Result<Option<Arc<GivenModel>>, Refusal> {
     let Train { method, model, k, .. } = &pipeline.train;
+    let boundary = pipeline.operators.boundary;
     if *method != Method::Predict {
         return Ok(None);
     }
@@ -121,6 +122,7 @@ fn given_model(pipeline: &Pipeline, store: &Store) -> Result<Option<Arc<GivenMod
         given_by_name(model, store)?
     };
     given.model.check_count(*k).map_err(Refusal::usage)?;
+    given.model.check_boundary(boundary).map_err(Refusal::usage)?;
     Ok(Some(given))
 }
 

@@ -58,6 +58,16 @@ impl Default for FeatureOptions {
 }
 
 impl FeatureOptions {
+    /// These options, with the defaults for those that the input does not use: what the features depend on.
+    pub fn effective(self) -> Self {
+        match self.input {
+            Input::Landmarks => self,
+            Input::Coordinates | Input::EdgeLengths => {
+                Self { landmarks: Self::default().landmarks, ..self }
+            }
+        }
+    }
+
     /// d: features per vertex.
     pub fn inputs(&self) -> usize {
         match self.input {
@@ -94,11 +104,30 @@ impl Features {
         }
     }
 
-    /// The same features for a mesh that may lie elsewhere, or be in other units: it is then read in its own frame.
-    pub fn placed(&self, mesh: &TriMesh) -> Self {
+    /// d: features per vertex; `None` when what is known of the landmarks contradicts itself.
+    pub fn inputs(&self) -> Option<usize> {
         match self {
-            Self::Coordinates(Some(frame)) => Self::Coordinates(Some(frame.near(mesh))),
-            other => other.clone(),
+            Self::Coordinates(_) => Some(COORDINATES),
+            Self::EdgeLengths(_) => Some(EDGE_LENGTHS),
+            Self::Landmarks(_, landmarks) => landmarks.is_sound().then_some(landmarks.count()),
+        }
+    }
+
+    /// How the coordinates are prepared, where they are what is read.
+    pub fn placed(&self) -> Option<Normalise> {
+        match self {
+            Self::Coordinates(Some(_)) => Some(Normalise::Area),
+            Self::Coordinates(None) => Some(Normalise::None),
+            Self::EdgeLengths(_) | Self::Landmarks(..) => None,
+        }
+    }
+
+    /// The features of every vertex of a mesh of that shape, which may lie elsewhere or be in other units than the training
+    /// mesh: it is then read in its own frame. Row-major n×d.
+    pub fn read_anywhere(&self, mesh: &TriMesh) -> Vec<f64> {
+        match self {
+            Self::Coordinates(Some(frame)) => frame.near(mesh).coordinates(mesh),
+            _ => self.read(mesh),
         }
     }
 
@@ -244,12 +273,11 @@ mod tests {
         let (coarse, fine) = (icosphere(2), icosphere(4));
         let features = Features::of(&coarse, FeatureOptions::default());
         // The coarse polyhedron has less area: in its own frame every sphere would have another radius.
-        assert_eq!(features.placed(&fine), features);
+        assert_eq!(features.read_anywhere(&fine), features.read(&fine));
         let radius = |x: &[f64]| norm([x[0], x[1], x[2]]);
         let (a, b) = (features.read(&coarse), features.read(&fine));
         assert!((radius(&a) - radius(&b)).abs() < 1e-12);
-        let elsewhere = moved(&fine);
-        let read = features.placed(&elsewhere).read(&elsewhere);
+        let read = features.read_anywhere(&moved(&fine));
         assert!((radius(&read) / radius(&b) - 1.0).abs() < 0.02);
     }
 
@@ -270,8 +298,9 @@ mod tests {
     fn every_input_has_the_features_that_its_options_say() {
         let mesh = icosphere(1);
         for input in [Input::Coordinates, Input::EdgeLengths, Input::Landmarks] {
-            let found = Features::of(&mesh, options(input)).read(&mesh).len();
-            assert_eq!(found, mesh.n() * options(input).inputs());
+            let features = Features::of(&mesh, options(input));
+            assert_eq!(features.inputs(), Some(options(input).inputs()));
+            assert_eq!(features.read(&mesh).len(), mesh.n() * options(input).inputs());
         }
     }
 

@@ -70,6 +70,11 @@ impl Landmarks {
         self.count
     }
 
+    /// Whether there is a distance for every two of them, and at least one landmark.
+    pub fn is_sound(&self) -> bool {
+        self.count > 0 && self.count.checked_mul(self.count) == Some(self.distances.len())
+    }
+
     /// The distance of every vertex of `mesh` from every landmark, row-major n×m, in units of √area.
     pub fn distances_on(&self, mesh: &TriMesh) -> Vec<f64> {
         let places = self.find(&Surface::of(mesh));

@@ -25,6 +25,8 @@ pub struct NetworkInput {
     pub graph: Arc<Graph<f32>>,
     /// d.
     pub inputs: usize,
+    /// The vertices where the function is 0 whatever the network says: the boundary under Dirichlet conditions.
+    pub fixed: Vec<u32>,
 }
 
 impl NetworkInput {
@@ -34,7 +36,13 @@ impl NetworkInput {
             features: features.iter().map(|&x| x as f32).collect(),
             graph: Arc::new(Graph::new(adjacency)),
             inputs: features.len() / adjacency.rows().max(1),
+            fixed: Vec::new(),
         }
+    }
+
+    /// The same, with functions that are 0 at the vertices `fixed`.
+    pub fn with_zeros_at(self, fixed: &[u32]) -> Self {
+        Self { fixed: fixed.to_vec(), ..self }
     }
 
     /// The number of vertices.
@@ -49,7 +57,7 @@ impl NetworkInput {
 }
 
 /// One more eigenfunction, from a block and the `earlier` ones on the same mesh (n×k): deflated in the inner
-/// product of `mass`, scaled to unit B-norm, its sign fixed.
+/// product of `mass`, scaled to unit B-norm, its sign fixed; 0 where the input says so, as the earlier ones are.
 pub fn predict_next(
     block: &Block,
     input: &NetworkInput,
@@ -57,7 +65,7 @@ pub fn predict_next(
     earlier: &Dense,
 ) -> Vec<f64> {
     let outputs = forward(&[block], input).remove(0);
-    settled(outputs, mass, earlier)
+    settled(outputs, &input.fixed, mass, earlier)
 }
 
 /// All eigenfunctions on a mesh: the `known` ones (constants, n×c), then one for every block. n×(c + blocks).
@@ -79,7 +87,7 @@ pub fn predict_all(
         let outputs: Vec<Vec<Vec<f64>>> =
             together.par_iter().map(|heads| forward(heads, input)).collect();
         for u in outputs.into_iter().flatten() {
-            let u = settled(u, mass, &phi.subcols(0, k).to_owned());
+            let u = settled(u, &input.fixed, mass, &phi.subcols(0, k).to_owned());
             column_mut(&mut phi, k).copy_from_slice(&u);
             k += 1;
         }
@@ -95,8 +103,11 @@ fn forward(blocks: &[&Block], input: &NetworkInput) -> Vec<Vec<f64>> {
     blocks.iter().map(|block| block.decode(&features)).collect()
 }
 
-/// P u, scaled to unit B-norm, its sign fixed.
-fn settled(mut u: Vec<f64>, mass: &impl InnerProduct, earlier: &Dense) -> Vec<f64> {
+/// P u with zeros at the vertices `fixed`, scaled to unit B-norm, its sign fixed.
+///
+/// Since u and all earlier functions vanish there, B need not know of these vertices: only its inner block counts.
+fn settled(mut u: Vec<f64>, fixed: &[u32], mass: &impl InnerProduct, earlier: &Dense) -> Vec<f64> {
+    fixed.iter().for_each(|&i| u[i as usize] = 0.0);
     Deflation::new(mass, earlier.clone()).apply(&mut u);
     normalise(&mut u, mass);
     orient(&mut u);

@@ -20,6 +20,9 @@ pub struct Member {
     pub mass: Sparse,
 }
 
+/// `train.boundary_penalty` unless another is asked for.
+pub const BOUNDARY_PENALTY: f64 = 1000.0;
+
 impl Member {
     /// What training sees of a mesh with these operators: the mass scaled to add up to 1, a surface of unit area
     /// (Proposition 1).
@@ -43,7 +46,7 @@ impl Member {
                 let mut fixed = vec![false; stiffness.rows()];
                 rim.iter().for_each(|&i| fixed[i as usize] = true);
                 Self {
-                    input,
+                    input: input.with_zeros_at(&rim),
                     stiffness: inner(&stiffness, &fixed, penalty),
                     mass: inner(&mass, &fixed, 0.0),
                 }

@@ -62,6 +62,14 @@ impl Boundary {
             Self::Dirichlet => "dirichlet",
         }
     }
+
+    /// The vertices where a function is 0, of a mesh with these on its boundary.
+    pub fn fixed(self, rim: &[u32]) -> &[u32] {
+        match self {
+            Self::Neumann => &[],
+            Self::Dirichlet => rim,
+        }
+    }
 }
 
 /// Which operators are assembled, and which problem they pose.

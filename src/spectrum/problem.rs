@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::nullspace::nullspace;
+use super::nullspace::{free_nullspace, nullspace};
 use super::pencil::{column, column_mut};
 use super::{Dense, Pencil, SpectrumError};
 use crate::operators::{Boundary, Operators, Sparse};
@@ -62,13 +62,9 @@ impl<'a> Problem<'a> {
         }
         let [stiffness, mass] =
             [&operators.stiffness, &operators.mass].map(|a| submatrix(a, &free, &position));
-        let mut bounded = vec![false; labels.iter().max().map_or(0, |&last| last as usize + 1)];
-        for &i in &operators.boundary {
-            bounded[labels[i as usize] as usize] = true;
-        }
-        let all = nullspace(&free.iter().map(|&i| labels[i as usize]).collect::<Vec<_>>(), &mass);
-        let closed: Vec<usize> = (0..all.ncols()).filter(|&c| !bounded[c]).collect();
-        let nullspace = Dense::from_fn(free.len(), closed.len(), |i, j| all[(i, closed[j])]);
+        let zeros = free_nullspace(labels, &operators.boundary, &operators.mass);
+        let nullspace =
+            Dense::from_fn(free.len(), zeros.ncols(), |i, j| zeros[(free[i] as usize, j)]);
         Ok(Self {
             stiffness: Cow::Owned(stiffness),
             mass: Cow::Owned(mass),

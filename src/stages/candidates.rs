@@ -82,11 +82,12 @@ pub fn predict(
     let started = Instant::now();
     let k = context.pipeline.train.k;
     let known = trained.known();
-    let InTraining { assembled, blocks, training, .. } = &mut trained;
-    let features = &training.features;
+    let InTraining { assembled, blocks, training, .. } = &trained;
+    let boundary = context.pipeline.operators.boundary;
     let work = blocks.iter().fold(
         Work::<PredictionArtifact>::of_stage()
-            .param("features", canonical(features))
+            .param("features", canonical(&context.pipeline.features.effective()))
+            .param("boundary", boundary.name())
             .param("k", k.to_string())
             .input("mesh", &assembled.loaded.digest())
             .input("operators", &assembled.operators_digest),
@@ -94,15 +95,17 @@ pub fn predict(
     );
     let recalled = context.recall(item, work.seeded(0, "f32"), || {
         let operators = &assembled.operators;
-        let input = network_input(features, &assembled.loaded.ingested.mesh, operators);
+        let mesh = &assembled.loaded.ingested.mesh;
+        let input = network_input(training.features(), mesh, operators)
+            .with_zeros_at(boundary.fixed(&operators.boundary));
         let blocks: Vec<&Block> = blocks.iter().map(|trained| &*trained.block).collect();
-        let problem = assembled.problem(context.pipeline.operators.boundary)?;
-        let zeros = problem.nullspace();
+        let problem = assembled.problem(boundary)?;
+        let zeros = problem.extend(problem.nullspace().clone());
         let zeros = zeros.subcols(0, zeros.ncols().min(k)).to_owned();
         Ok((&predict_all(&zeros, &blocks, &input, &operators.mass)).into())
     })?;
-    models::remember(context, assembled, known, blocks);
-    assembled.loaded.spent("predict", recalled.how, started.elapsed());
+    models::remember(context, &trained);
+    trained.assembled.loaded.spent("predict", recalled.how, started.elapsed());
     Ok(Candidates {
         vectors: recalled.artifact.into(),
         digest: recalled.digest,

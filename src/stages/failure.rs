@@ -23,7 +23,7 @@ pub enum Failure {
     TooSmall { n: usize, k: usize },
     /// More eigenpairs than a member of the family can have.
     #[error(
-        "a variant of the mesh has {n} vertices, too few for train.k = {k} eigenpairs; raise family.vertices"
+        "a variant of the mesh has {n} free vertices, too few for train.k = {k} eigenpairs; raise family.vertices"
     )]
     CoarseFamily { n: usize, k: usize },
     /// The mesh, or a variant of it, has no operators.

@@ -1,5 +1,6 @@
 //! What training may see of a mesh: its family with operators, and nothing of any reference.
 
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::Failure;
@@ -8,67 +9,109 @@ use super::context::Context;
 use super::remesh::Familied;
 use super::train::InTraining;
 use crate::flow::events::How;
-use crate::ggnn::features::Features;
+use crate::ggnn::features::{FeatureOptions, Features};
 use crate::ggnn::predict::NetworkInput;
 use crate::ggnn::sample::Member;
-use crate::mesh::TriMesh;
 use crate::mesh::topology::component_labels;
-use crate::operators::Operators;
+use crate::mesh::{Ingested, TriMesh};
+use crate::operators::{Boundary, Operators};
+use crate::remesh::Family;
 use crate::spectrum::Dense;
-use crate::spectrum::nullspace::nullspace;
+use crate::spectrum::nullspace::free_nullspace;
 use crate::store::Digest;
 
-/// All that training may see: the family, nothing of any reference.
+/// All that training may see: the family, nothing of any reference. What only a training needs is made when the first asks
+/// for it: most runs find their blocks in the store.
 #[derive(Debug)]
 pub struct TrainingSet {
-    /// The members, scaled to unit area.
-    pub members: Vec<Member>,
-    /// What the network reads of them, and of every other mesh of the shape.
-    pub features: Features,
-    /// The eigenfunctions of λ = 0 on every member.
-    pub nullspaces: Vec<Dense>,
     /// Of the family's meshes.
     pub family_digest: Digest,
     /// Of the operators of each member.
     pub operators_digests: Vec<Digest>,
+    /// How many eigenfunctions of λ = 0 there are, on every member as on the mesh.
+    pub known: usize,
+    ingested: Arc<Ingested>,
+    options: FeatureOptions,
+    boundary: Boundary,
+    /// What holds the network to 0 on a Dirichlet boundary.
+    penalty: f64,
+    family: Arc<Family>,
+    operators: Vec<Operators>,
+    features: OnceLock<Features>,
+    seen: OnceLock<Seen>,
+}
+
+/// A family as training sees it.
+#[derive(Debug)]
+pub struct Seen {
+    /// The members, scaled to unit area.
+    pub members: Vec<Member>,
+    /// The eigenfunctions of λ = 0 on every member.
+    pub nullspaces: Vec<Dense>,
+}
+
+impl TrainingSet {
+    /// What the network reads of the members, and of every other mesh of the shape.
+    pub fn features(&self) -> &Features {
+        self.features.get_or_init(|| Features::of(&self.ingested.mesh, self.options))
+    }
+
+    /// The family as training sees it.
+    pub fn seen(&self) -> &Seen {
+        self.seen.get_or_init(|| {
+            let family = self.family.members.iter().zip(&self.operators);
+            let (members, nullspaces) = family.map(|(mesh, own)| self.member(mesh, own)).unzip();
+            Seen { members, nullspaces }
+        })
+    }
+
+    fn member(&self, mesh: &TriMesh, operators: &Operators) -> (Member, Dense) {
+        let fixed = self.boundary.fixed(&operators.boundary);
+        let input = network_input(self.features(), mesh, operators);
+        let member = Member::new(input, operators.clone(), self.boundary, self.penalty);
+        let nullspace = free_nullspace(&component_labels(mesh), fixed, &member.mass);
+        (member, nullspace)
+    }
 }
 
 /// Assembles or recalls the operators of a family.
 ///
 /// # Errors
-/// When a member has no operators, or the run is interrupted.
+/// When a member has no operators or too few free vertices for K eigenpairs, or the run is interrupted.
 pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<InTraining, Failure> {
     let started = Instant::now();
-    let Familied { mut assembled, family, family_digest } = familied;
-    let mut operators_digests = Vec::new();
-    let (mut members, mut nullspaces) = (Vec::new(), Vec::new());
-    let features = Features::of(&assembled.loaded.ingested.mesh, context.pipeline.features);
+    let Familied { mut assembled, family, family_digest, known } = familied;
+    let (options, train) = (context.pipeline.operators, &context.pipeline.train);
+    let (mut operators, mut operators_digests) = (Vec::new(), Vec::new());
     let mut how = How::Reused;
     for mesh in &family.members {
         let recalled = operators_of(context, item, mesh)?;
         if recalled.how == How::Computed {
             how = How::Computed;
         }
+        let own = Operators::from(recalled.artifact);
+        let (n, k) = (mesh.n() - options.boundary.fixed(&own.boundary).len(), train.k);
+        if n < k {
+            return Err(Failure::CoarseFamily { n, k });
+        }
+        operators.push(own);
         operators_digests.push(recalled.digest);
-        let member = member(&features, mesh, recalled.artifact.into());
-        nullspaces.push(nullspace(&component_labels(mesh), &member.mass));
-        members.push(member);
     }
     assembled.loaded.spent("assemble family", how, started.elapsed());
-    Ok(InTraining::new(
-        assembled,
-        TrainingSet { members, features, nullspaces, family_digest, operators_digests },
-    ))
-}
-
-/// A member as training sees it: the mass scaled to add up to 1, a surface of unit area (Proposition 1).
-fn member(features: &Features, mesh: &TriMesh, operators: Operators) -> Member {
-    let total = operators.total_mass();
-    Member {
-        input: network_input(features, mesh, &operators),
-        stiffness: operators.stiffness,
-        mass: operators.mass.map(|b| b / total),
-    }
+    let training = TrainingSet {
+        family_digest,
+        operators_digests,
+        known,
+        ingested: assembled.loaded.ingested.clone(),
+        options: context.pipeline.features,
+        boundary: options.boundary,
+        penalty: train.boundary_penalty,
+        family,
+        operators,
+        features: OnceLock::new(),
+        seen: OnceLock::new(),
+    };
+    Ok(InTraining::new(assembled, training))
 }
 
 /// What the network reads of a mesh.

@@ -11,8 +11,9 @@ use rkyv::{Archive, Deserialize, Serialize};
 use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::context::Context;
-use super::train::TrainedBlock;
+use super::train::InTraining;
 use crate::ggnn::Model;
+use crate::ggnn::features::Features;
 use crate::ggnn::model::{DeflationRule, Description, ModelFileError, TrainedMesh};
 use crate::pipeline::{MODEL_EXTENSION as EXTENSION, Pipeline, is_model_file};
 use crate::store::{Artifact, CacheKey, Digest, Store, StoreError};
@@ -146,7 +147,8 @@ pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError
 }
 
 /// Makes a training findable by name. A store that cannot be written costs a warning and nothing else.
-pub fn remember(context: &Context, assembled: &Assembled, known: usize, blocks: &[TrainedBlock]) {
+pub fn remember(context: &Context, trained: &InTraining) {
+    let InTraining { assembled, training, blocks, .. } = trained;
     let (Some(store), Some(first)) = (&context.store, blocks.first()) else { return };
     let mesh_name = &assembled.loaded.job.name;
     let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(mesh_name)), first.key.to_string());
@@ -156,25 +158,31 @@ pub fn remember(context: &Context, assembled: &Assembled, known: usize, blocks: 
     if kept.is_some_and(|kept| kept.artifact.trunks.starts_with(&stored(&trunks))) {
         return;
     }
-    let description = describe(&context.pipeline, assembled, known);
+    let features = training.features().clone();
+    let description = describe(&context.pipeline, assembled, trained.known(), features);
     if let Err(error) = put(store, &name, &description, &trunks) {
         tracing::warn!(name, "the model cannot be found by name: {error}");
     }
 }
 
 /// What a training is described by.
-pub fn describe(pipeline: &Pipeline, assembled: &Assembled, known: usize) -> Description {
-    let Pipeline { input: _, family, operators, features, train, verify: _, publish: _ } = pipeline;
+fn describe(
+    pipeline: &Pipeline,
+    assembled: &Assembled,
+    known: usize,
+    features: Features,
+) -> Description {
+    let Pipeline { family, operators, features: options, train, .. } = pipeline;
     let ingested = &assembled.loaded.ingested;
-    let (name, normalise) = (&assembled.loaded.job.name, features.normalise);
+    let name = &assembled.loaded.job.name;
     Description {
         chladni: env!("CARGO_PKG_VERSION").into(),
-        mesh: TrainedMesh::of(name, &ingested.mesh, &ingested.topology, normalise),
+        mesh: TrainedMesh::of(name, &ingested.mesh, &ingested.topology, &features),
         known,
-        normalise,
+        features,
         operators: *operators,
         deflation: DeflationRule::InnerProduct,
-        parameters: serde_json::json!({ "family": family, "features": features, "train": train }),
+        parameters: serde_json::json!({ "family": family, "features": options, "train": train }),
     }
 }
 

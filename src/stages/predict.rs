@@ -13,14 +13,13 @@ use super::context::{Context, Work, canonical};
 use super::ingest::Loaded;
 use super::refine::Refinement;
 use crate::flow::events::How;
-use crate::ggnn::features::coordinates;
 use crate::ggnn::model::Unlike;
 use crate::ggnn::predict::{NetworkInput, predict_all};
 use crate::ggnn::{Block, Model};
 use crate::mesh::TriMesh;
 use crate::mesh::topology::component_labels;
 use crate::operators::{Pattern, adjacency::adjacency};
-use crate::spectrum::nullspace::nullspace;
+use crate::spectrum::nullspace::free_nullspace;
 use crate::spectrum::pencil::{InnerProduct, inner};
 use crate::spectrum::{Dense, TrianglePencil};
 use crate::store::Digest;
@@ -83,6 +82,7 @@ pub fn predict(context: &Context, item: usize, mut loaded: Loaded) -> Result<Pre
     let given = context.model.as_ref().ok_or(Failure::NoModel)?;
     let (k, operators) = (context.pipeline.train.k, context.pipeline.operators);
     let ingested = loaded.ingested.clone();
+    given.model.check_boundary(operators.boundary)?;
     let unlike = given.model.check(&ingested.mesh, &ingested.topology, k)?;
     let pencil = TrianglePencil::of_mesh(&ingested.mesh, operators)?;
     let work = Work::<PredictionArtifact>::of_stage()
@@ -91,7 +91,8 @@ pub fn predict(context: &Context, item: usize, mut loaded: Loaded) -> Result<Pre
         .input("mesh", &loaded.digest())
         .input("model", &given.digest);
     let recalled = context.recall(item, work.seeded(0, "f32"), || {
-        let vectors = forward(&given.model, &ingested.mesh, &pencil, k);
+        let fixed = operators.boundary.fixed(&ingested.topology.boundary_vertices);
+        let vectors = forward(&given.model, &ingested.mesh, fixed, &pencil, k);
         let first = (0..vectors.ncols()).find(|&j| !vectors.col(j).iter().all(|v| v.is_finite()));
         match first {
             Some(j) => Err(Failure::NotPredicted { k: j + 1 }),
@@ -111,12 +112,19 @@ pub fn predict(context: &Context, item: usize, mut loaded: Loaded) -> Result<Pre
     })
 }
 
-/// The first `k` eigenfunctions on a mesh that the model fits, n×k.
-fn forward(model: &Model, mesh: &TriMesh, pencil: &TrianglePencil, k: usize) -> Dense {
-    let zeros = nullspace(&component_labels(mesh), pencil);
+/// The first `k` eigenfunctions on a mesh that the model fits, n×k; 0 at the vertices `fixed`.
+fn forward(
+    model: &Model,
+    mesh: &TriMesh,
+    fixed: &[u32],
+    pencil: &TrianglePencil,
+    k: usize,
+) -> Dense {
+    let zeros = free_nullspace(&component_labels(mesh), fixed, pencil);
     let known = zeros.ncols().min(k);
-    let features = coordinates(mesh, model.description.normalise);
+    let features = model.description.features.read_anywhere(mesh);
     let input = NetworkInput::new(&features, &adjacency(&Pattern::of_mesh(mesh)));
+    let input = input.with_zeros_at(fixed);
     let blocks: Vec<&Block> = model.blocks.iter().take(k - known).collect();
     predict_all(&zeros.subcols(0, known).to_owned(), &blocks, &input, pencil)
 }

@@ -12,9 +12,12 @@ use super::context::{Context, Recalled, Work};
 use super::ingest::Loaded;
 use super::verdict::Standard;
 use crate::flow::events::How;
+use crate::mesh::Ingested;
+use crate::mesh::topology::component_labels;
 use crate::pipeline::Refine;
 use crate::spectrum::cluster::zero_below;
 use crate::spectrum::factor::Analysis;
+use crate::spectrum::nullspace::multiplicity;
 use crate::spectrum::refine::lowest_from;
 use crate::spectrum::{Dense, Eigenpairs, TrianglePencil, refine::rayleigh_ritz};
 use crate::store::Digest;
@@ -90,8 +93,10 @@ pub fn by_rayleigh_ritz(
 ) -> Result<Refinement, Failure> {
     let started = Instant::now();
     let work = work(context, Refine::RayleighRitz, loaded, digest);
-    let known = loaded.ingested.topology.components.min(vectors.ncols());
-    let zero = zero_below(loaded.ingested.mesh.area().0);
+    let Ingested { mesh, topology, .. } = &*loaded.ingested;
+    let fixed = context.pipeline.operators.boundary.fixed(&topology.boundary_vertices);
+    let known = multiplicity(&component_labels(mesh), fixed).min(vectors.ncols());
+    let zero = zero_below(mesh.area().0);
     let recalled = context.recall(item, work.seeded(0, "f64"), || {
         let pairs = rayleigh_ritz(pencil, vectors, known, zero).ok_or(Failure::Dependent)?;
         Ok((&pairs, 0).into())

@@ -8,6 +8,7 @@ use super::assemble::Assembled;
 use super::context::{Context, Work, canonical};
 use crate::flow::Panicked;
 use crate::remesh::Family;
+use crate::spectrum::SpectrumError;
 use crate::store::Digest;
 
 /// A mesh with its family.
@@ -19,17 +20,21 @@ pub struct Familied {
     pub family: Arc<Family>,
     /// Of the family.
     pub family_digest: Digest,
+    /// How many eigenfunctions of λ = 0 the mesh has.
+    pub known: usize,
 }
 
 /// Makes or recalls the family of a mesh.
 ///
 /// # Errors
-/// When no variants of the wanted size keep the topology.
+/// When the mesh cannot have the boundary condition or K eigenpairs under it, or no variants of the wanted size keep the
+/// topology.
 pub fn remesh(
     context: &Context,
     item: usize,
     mut assembled: Assembled,
 ) -> Result<Familied, Failure> {
+    let known = multiplicity(context, &assembled)?;
     let loaded = &mut assembled.loaded;
     let recipe = &context.pipeline.family;
     let work = Work::<FamilyArtifact>::of_stage()
@@ -43,9 +48,15 @@ pub fn remesh(
     let family = Family::try_from(recalled.artifact).map_err(|invalid| Panicked {
         message: format!("a cached family holds an invalid mesh ({invalid})"),
     })?;
-    let (k, smallest) = (context.pipeline.train.k, family.members.iter().map(|m| m.n()).min());
-    match smallest {
-        Some(n) if n < k => Err(Failure::CoarseFamily { n, k }),
-        _ => Ok(Familied { assembled, family: Arc::new(family), family_digest: recalled.digest }),
+    Ok(Familied { assembled, family: Arc::new(family), family_digest: recalled.digest, known })
+}
+
+/// How many eigenfunctions of λ = 0 a mesh has that can have K eigenpairs: found out before anything is made of it.
+fn multiplicity(context: &Context, assembled: &Assembled) -> Result<usize, Failure> {
+    let problem = assembled.problem(context.pipeline.operators.boundary)?;
+    let (n, asked) = (problem.pencil().n(), context.pipeline.train.k);
+    if n < asked {
+        return Err(SpectrumError::TooMany { asked, n }.into());
     }
+    Ok(problem.nullspace().ncols())
 }

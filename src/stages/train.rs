@@ -13,14 +13,17 @@ use super::Failure;
 use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::context::{Context, Work, canonical};
-use super::family::TrainingSet;
+use super::family::{Seen, TrainingSet};
 use crate::flow::events::How;
 use crate::ggnn::Block;
+use crate::ggnn::features::Input;
 use crate::ggnn::paper::{self, train_block};
 use crate::ggnn::predict::predict_next;
 use crate::ggnn::recipe::{Recipe, Trunks};
-use crate::ggnn::sample::Sample;
+use crate::ggnn::sample::{Member, Sample};
 use crate::ggnn::train::{Observer, TrainError, train_blocks};
+use crate::operators::Boundary;
+use crate::pipeline::Pipeline;
 use crate::spectrum::Dense;
 use crate::store::{CacheKey, Digest};
 
@@ -33,7 +36,7 @@ pub struct InTraining {
     pub training: Arc<TrainingSet>,
     /// The blocks so far, in the order of their eigenfunctions.
     pub blocks: Vec<TrainedBlock>,
-    /// The eigenfunctions so far on every member: as many as training has needed.
+    /// The eigenfunctions so far on every member: as many as training has needed; none before the first training.
     earlier: Vec<Dense>,
 }
 
@@ -57,13 +60,13 @@ pub struct TrainedBlock {
 impl InTraining {
     /// A mesh none of whose blocks is trained yet.
     pub fn new(assembled: Assembled, training: TrainingSet) -> Self {
-        let earlier = training.nullspaces.clone();
-        Self { assembled, training: Arc::new(training), blocks: Vec::new(), earlier }
+        let training = Arc::new(training);
+        Self { assembled, training, blocks: Vec::new(), earlier: Vec::new() }
     }
 
     /// How many eigenfunctions need no block: those of λ = 0.
     pub fn known(&self) -> usize {
-        self.training.nullspaces.first().map_or(0, Dense::ncols)
+        self.training.known
     }
 
     /// The last eigenfunction that there is a block for, or that needs none.
@@ -119,12 +122,22 @@ fn work(
     recipe: &Recipe,
     wanted: &RangeInclusive<usize>,
 ) -> Work<TrunkArtifact> {
-    let (training, trunk) = (&state.training, context.pipeline.train.trunk);
-    let work = Work::of_stage()
+    let Pipeline { features, operators, train, .. } = &context.pipeline;
+    let (training, trunk) = (&state.training, train.trunk);
+    let penalty = match operators.boundary {
+        Boundary::Neumann => None,
+        Boundary::Dirichlet => Some(train.boundary_penalty),
+    };
+    let mut work = Work::of_stage()
         .param("trunk", trunk.name())
         .param("recipe", canonical(recipe))
-        .param("features", canonical(&training.features))
+        .param("penalty", canonical(&penalty))
+        .param("features", canonical(&features.effective()))
         .input("family", &training.family_digest);
+    if features.input != Input::EdgeLengths {
+        // Its frame, or its landmarks.
+        work = work.input("mesh", &state.assembled.loaded.digest());
+    }
     let members = training.operators_digests.iter();
     let work = members.fold(work, |work, operators| work.input("operators", operators));
     match trunk {
@@ -147,8 +160,12 @@ fn trained(
 ) -> Result<Vec<Block>, Failure> {
     let mesh = &state.assembled.loaded.job.name;
     let progress = Progress::new(mesh, wanted, recipe.reports(), &context.cancel);
-    catch_up(&state.training, &state.blocks, &mut state.earlier);
-    let members = state.training.members.iter().zip(&state.earlier);
+    let Seen { members, nullspaces } = state.training.seen();
+    if state.earlier.is_empty() {
+        state.earlier.clone_from(nullspaces);
+    }
+    catch_up(members, &state.blocks, state.training.known, &mut state.earlier);
+    let members = members.iter().zip(&state.earlier);
     let seed = trunk_seed(context.pipeline.train.seed, *wanted.start());
     let blocks = match recipe {
         Recipe::Ritz(recipe) => {
@@ -184,9 +201,8 @@ fn trunk_seed(seed: u64, k: usize) -> u64 {
 }
 
 /// Predicts on every member what the blocks since the last training add.
-fn catch_up(training: &TrainingSet, blocks: &[TrainedBlock], earlier: &mut [Dense]) {
-    let known = training.nullspaces.first().map_or(0, Dense::ncols);
-    training.members.par_iter().zip(earlier).for_each(|(member, phi)| {
+fn catch_up(members: &[Member], blocks: &[TrainedBlock], known: usize, earlier: &mut [Dense]) {
+    members.par_iter().zip(earlier).for_each(|(member, phi)| {
         for trained in &blocks[phi.ncols() - known..] {
             let next = predict_next(&trained.block, &member.input, &member.mass, phi);
             let columns = phi.ncols();

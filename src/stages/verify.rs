@@ -136,7 +136,7 @@ fn in_order(
     for run in references.clusters(pencil.area()) {
         let end = run.end.min(order.len());
         // The indicators of components stay by lowest vertex index.
-        if run.start < end && run.start > 0 {
+        if run.start < end && run.start >= problem.nullspace().ncols() {
             order[run.start..end].sort_by(|&a, &b| quotients[a].total_cmp(&quotients[b]));
         }
     }

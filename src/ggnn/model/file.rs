@@ -135,7 +135,11 @@ impl Model {
         let Header { description, trunks, .. } = serde_json::from_str(&text).map_err(damaged)?;
         let reader = Reader(&tensors);
         let mut blocks = Vec::new();
+        let reads = description.features.inputs();
         for trunk in trunks {
+            if reads != Some(trunk.shape.inputs) {
+                return Err(damaged("a trunk does not take the features that the model reads"));
+            }
             let first = description.known.saturating_add(1 + blocks.len());
             blocks.extend(reader.blocks(first, &trunk)?);
         }
@@ -364,8 +368,10 @@ fn metadata(header: &[u8], total: u64) -> Result<String, ModelFault> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::samples::{shared_model, sphere_model};
+    use super::super::samples::{shared_model, sphere_model, sphere_model_reading};
     use super::*;
+    use crate::ggnn::features::{FeatureOptions, Features, Input};
+    use crate::mesh::sample::icosphere;
 
     #[test]
     fn a_model_comes_back_and_has_one_sequence_of_bytes() {
@@ -390,6 +396,15 @@ mod tests {
         let tensors = SafeTensors::deserialize(&bytes).unwrap();
         assert!(tensors.tensor("phi3.trunk.0").is_ok() && tensors.tensor("phi4.head").is_ok());
         assert!(tensors.tensor("phi4.trunk.0").is_err() && tensors.tensor("phi4.history").is_err());
+    }
+
+    #[test]
+    fn landmarks_come_back_to_the_last_bit() {
+        let options = FeatureOptions { input: Input::Landmarks, ..FeatureOptions::default() };
+        let model = sphere_model_reading(Features::of(&icosphere(1), options));
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert_eq!(back.description.features.inputs(), Some(16));
     }
 
     #[test]

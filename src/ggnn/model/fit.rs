@@ -3,8 +3,10 @@
 
 use super::Model;
 use crate::ggnn::likeness::Moments;
+use crate::mesh::topology::component_labels;
 use crate::mesh::{Topology, TriMesh};
 use crate::operators::{Boundary, Laplacian};
+use crate::spectrum::nullspace::multiplicity;
 
 /// Why a model cannot predict what was asked on a mesh.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -28,13 +30,18 @@ pub enum Unfit {
          use a model with the Neumann condition"
     )]
     NoBoundary,
-    /// A boundary condition that prediction does not know.
+    /// Some component has a boundary in one and none in the other.
     #[error(
-        "the model was trained with {} conditions, which this version cannot predict under; \
-         solve for the eigenfunctions (chladni solve)",
-        .0.name()
+        "the model was trained on a surface with {trained} eigenfunctions of λ = 0 and the mesh has {mesh}, one for \
+         every component without a boundary to hold to zero; train on this mesh"
     )]
-    Boundary(Boundary),
+    Nullspace { trained: usize, mesh: usize },
+    /// The pipeline poses another problem than the model answers.
+    #[error(
+        "the model was trained with {} conditions; set operators.boundary = \"{}\" in place of \"{}\"",
+        trained.name(), trained.name(), asked.name()
+    )]
+    Condition { trained: Boundary, asked: Boundary },
     /// A Laplacian that says nothing of other samplings.
     #[error(
         "the model was trained for the {} Laplacian, whose spectrum belongs to one sampling; train it again with \
@@ -78,7 +85,7 @@ impl Model {
         k: usize,
     ) -> Result<Vec<Unlike>, Unfit> {
         self.check_count(k)?;
-        self.check_kind(topology)?;
+        self.check_kind(mesh, topology)?;
         let trained = &self.description.mesh;
         let mut unlike = Vec::new();
         let [mesh_euler, mesh_loops] =
@@ -91,11 +98,15 @@ impl Model {
                 loops: trained.boundary_loops,
             });
         }
-        let moments = Moments::of(mesh, self.description.normalise);
-        let difference = trained.moments.difference(&moments);
-        // Also when it is not a number.
-        if !difference.le(&ALIKE) {
-            unlike.push(Unlike::Placement { difference });
+        // Edge lengths and distances from landmarks are the same wherever a mesh lies.
+        if let (Some(placed), Some(trained)) =
+            (self.description.features.placed(), &trained.moments)
+        {
+            let difference = trained.difference(&Moments::of(mesh, placed));
+            // Also when it is not a number.
+            if !difference.le(&ALIKE) {
+                unlike.push(Unlike::Placement { difference });
+            }
         }
         Ok(unlike)
     }
@@ -109,13 +120,19 @@ impl Model {
         if k > has { Err(Unfit::TooMany { asked: k, has }) } else { Ok(()) }
     }
 
-    fn check_kind(&self, topology: &Topology) -> Result<(), Unfit> {
+    /// Whether it answers the problem with this boundary condition.
+    ///
+    /// # Errors
+    /// [`Unfit::Condition`].
+    pub fn check_boundary(&self, asked: Boundary) -> Result<(), Unfit> {
+        let trained = self.description.operators.boundary;
+        if trained == asked { Ok(()) } else { Err(Unfit::Condition { trained, asked }) }
+    }
+
+    fn check_kind(&self, mesh: &TriMesh, topology: &Topology) -> Result<(), Unfit> {
         let operators = self.description.operators;
-        let closed = topology.is_closed();
-        match operators.boundary {
-            Boundary::Neumann => {}
-            Boundary::Dirichlet if closed => return Err(Unfit::NoBoundary),
-            Boundary::Dirichlet => return Err(Unfit::Boundary(operators.boundary)),
+        if operators.boundary == Boundary::Dirichlet && topology.is_closed() {
+            return Err(Unfit::NoBoundary);
         }
         if operators.laplacian == Laplacian::Graph {
             return Err(Unfit::Laplacian(operators.laplacian));
@@ -124,14 +141,21 @@ impl Model {
         if topology.components != trained {
             return Err(Unfit::Components { trained, mesh: topology.components });
         }
+        let fixed = operators.boundary.fixed(&topology.boundary_vertices);
+        let (trained, mesh) =
+            (self.description.known, multiplicity(&component_labels(mesh), fixed));
+        if mesh != trained {
+            return Err(Unfit::Nullspace { trained, mesh });
+        }
         Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::samples::sphere_model;
+    use super::super::samples::{sphere_model, sphere_model_reading};
     use super::*;
+    use crate::ggnn::features::{FeatureOptions, Features, Input};
     use crate::mesh::sample::icosphere;
 
     fn check(model: &Model, mesh: &TriMesh, k: usize) -> Result<Vec<Unlike>, Unfit> {
@@ -152,6 +176,17 @@ mod tests {
     }
 
     #[test]
+    fn a_model_that_reads_landmarks_does_not_mind_where_a_mesh_lies() {
+        let options = FeatureOptions { input: Input::Landmarks, ..FeatureOptions::default() };
+        let mesh = icosphere(1);
+        let model = sphere_model_reading(Features::of(&mesh, options));
+        let turned = mesh.vertices().iter().map(|&[x, y, z]| [y, -x, 3.0 * z + 5.0]).collect();
+        let turned = TriMesh::new(turned, mesh.faces().to_vec()).unwrap();
+        assert_eq!(check(&model, &turned, 3), Ok(vec![]));
+        assert!(check(&sphere_model(), &turned, 3).unwrap().len() == 1);
+    }
+
+    #[test]
     fn what_cannot_be_predicted_says_why() {
         let mut model = sphere_model();
         let (sphere, pair) = (icosphere(1), spheres());
@@ -160,7 +195,11 @@ mod tests {
         model.description.operators.boundary = Boundary::Dirichlet;
         assert_eq!(check(&model, &sphere, 3), Err(Unfit::NoBoundary));
         let cut = TriMesh::new(sphere.vertices().to_vec(), sphere.faces()[1..].to_vec()).unwrap();
-        assert_eq!(check(&model, &cut, 3), Err(Unfit::Boundary(Boundary::Dirichlet)));
+        assert_eq!(check(&model, &cut, 3), Err(Unfit::Nullspace { trained: 1, mesh: 0 }));
+        model.description.known = 0;
+        assert!(check(&model, &cut, 2).is_ok());
+        let refused = model.check_boundary(Boundary::Neumann).unwrap_err().to_string();
+        assert!(refused.contains("set operators.boundary = \"dirichlet\""), "{refused}");
     }
 
     fn spheres() -> TriMesh {

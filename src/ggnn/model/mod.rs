@@ -10,7 +10,7 @@ pub mod fit;
 use serde::{Deserialize, Serialize};
 
 use super::block::Block;
-use super::features::Normalise;
+use super::features::Features;
 use super::likeness::Moments;
 use crate::mesh::{MeshHash, Topology, TriMesh};
 use crate::operators::OperatorOptions;
@@ -48,8 +48,8 @@ pub struct Description {
     pub mesh: TrainedMesh,
     /// c: how many eigenfunctions need no block, those of λ = 0.
     pub known: usize,
-    /// How coordinates are prepared for the network.
-    pub normalise: Normalise,
+    /// What the network reads of a mesh.
+    pub features: Features,
     /// The pencil (L, B) of training: the mass that predictions are deflated and scaled by, and the boundary condition.
     pub operators: OperatorOptions,
     /// How predictions are kept away from earlier ones.
@@ -85,13 +85,13 @@ pub struct TrainedMesh {
     pub euler: i64,
     /// In squared input units.
     pub area: f64,
-    /// Where its surface lies, as the network reads it.
-    pub moments: Moments,
+    /// Where its surface lies, as the network reads it; none where it reads nothing that depends on that.
+    pub moments: Option<Moments>,
 }
 
 impl TrainedMesh {
-    /// Describes a mesh whose file has this name.
-    pub fn of(name: &str, mesh: &TriMesh, topology: &Topology, normalise: Normalise) -> Self {
+    /// Describes a mesh whose file has this name, and of which `features` are read.
+    pub fn of(name: &str, mesh: &TriMesh, topology: &Topology, features: &Features) -> Self {
         Self {
             name: name.rsplit('/').next().unwrap_or(name).to_string(),
             hash: mesh.hash(),
@@ -101,7 +101,7 @@ impl TrainedMesh {
             boundary_loops: topology.boundary_loops,
             euler: topology.euler_characteristic,
             area: mesh.area().0,
-            moments: Moments::of(mesh, normalise),
+            moments: features.placed().map(|normalise| Moments::of(mesh, normalise)),
         }
     }
 }
