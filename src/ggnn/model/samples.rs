@@ -3,8 +3,8 @@
 use super::*;
 use crate::ggnn::block::TrainingRecord;
 use crate::ggnn::features::Normalise;
-use crate::ggnn::recipe::Ritz;
 use crate::ggnn::network::{Trunk, TrunkShape};
+use crate::ggnn::recipe::Ritz;
 use crate::mesh::sample::icosphere;
 
 /// [`sphere_model`], with one more head on the trunk of its second block.
