@@ -155,6 +155,28 @@ fn export_import_and_predict_give_the_same_bytes() {
 }
 
 #[test]
+fn a_model_that_reads_landmarks_reads_them_again_wherever_a_mesh_lies() {
+    let pipeline = format!("{QUICK}[features]\ninput = \"landmarks\"\n");
+    let workspace = Workspace::new(&pipeline);
+    let egg = moved(&icosphere(2), |[x, y, z]| [x, 1.1 * y, 1.3 * z]);
+    workspace.write("meshes/sphere.obj", &obj(&egg));
+    let (code, report) = workspace.report(&[]);
+    assert!([0, 4].contains(&code), "{report:?}");
+    let mut expected: Vec<f64> =
+        report.meshes[0].eigenpairs.iter().map(|report| report.pair.lambda).collect();
+    let turned = moved(&egg, |[x, y, z]| [z + 7.0, x, y]);
+    workspace.write("turned.obj", &obj(&turned));
+    let found = predicted(&workspace, "turned.obj", &["--model", "sphere"]);
+    assert_eq!(found["warnings"].as_array().unwrap().len(), 0);
+    let mut found = numbers(&found["eigenvalues"]);
+    found.sort_by(f64::total_cmp);
+    expected.sort_by(f64::total_cmp);
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-3 * expected.max(1.0), "{found} {expected}");
+    }
+}
+
+#[test]
 fn a_shared_trunk_is_one_model_and_predicts_the_same_from_a_file() {
     let workspace = Workspace::new(&QUICK.replace("[train]", "[train]\ntrunk = \"shared\""));
     let (code, report) = workspace.report(&[]);

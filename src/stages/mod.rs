@@ -1,7 +1,7 @@
 //! The stages of a run, and the run that joins them: thin joints between the numerics, the store and the engine.
 //!
 //! ```text
-//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► train φ₂ ─► train φ₃ ─► … ─► predict ─► refine ─┬─► verify ─► publish
+//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► train φ₁ ─► train φ₂ ─► … ─► predict ─► refine ─┬─► verify ─► publish
 //!                              ├─► predict with a given model ─────────────────────────────► refine ─┤
 //!                              └─► solve ────────────────────────────────────────────────────────────┘
 //! ```
