@@ -351,8 +351,10 @@ fn square(n: usize, member: u64) -> TriMesh {
     let per_side = n / 10 / 4;
     let mut triangulation = DelaunayTriangulation::<Point2<f64>>::new();
     for i in 0..per_side {
-        let t = side * i as f64 / per_side as f64;
-        for (x, y) in [(t, 0.0), (side, t), (side - t, side), (0.0, side - t)] {
+        // The corners, and on every side as many others, at random.
+        for corner in 0..4 {
+            let t = if i == 0 { 0.0 } else { rng.random_range(0.0..side) };
+            let (x, y) = [(t, 0.0), (side, t), (side - t, side), (0.0, side - t)][corner];
             triangulation.insert(Point2::new(x, y)).expect("a finite point");
         }
     }
