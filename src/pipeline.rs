@@ -793,7 +793,7 @@ mod tests {
         assert_eq!(recipe.ranges.interval, Interval::Positive);
         let message = |set: &[&str]| parse("", set).unwrap_err().to_string();
         let refused = message(&["train.layer=gcn", "train.iterations=2"]);
-        assert!(refused.starts_with("train.iterations = 2: only \"sggc\" layers"), "{refused}");
+        assert!(refused.starts_with("train.iterations = 2: only \"sggc\" and"), "{refused}");
         assert!(parse("", &["train.iterations=2"]).is_ok());
         let unknown = message(&["train.layer=gin"]);
         assert!(

@@ -198,12 +198,17 @@ fn training_sees_the_family_and_earlier_blocks_and_nothing_of_a_reference() {
     let blocks = outputs(&["train"]);
     let family = outputs(&["remesh"]);
     let operators = outputs(&["assemble"]);
+    let remeshed = events.iter().filter(|event| event.stage == "remesh");
+    let meshes: BTreeSet<String> =
+        remeshed.flat_map(|event| event.inputs.values().cloned()).collect();
     for event in events.iter().filter(|event| event.stage == "train") {
         for (role, digest) in &event.inputs {
             assert!(!references.contains(digest), "{role}");
             match role.as_str() {
                 "family" => assert!(family.contains(digest)),
                 "operators" => assert!(operators.contains(digest)),
+                // For the frame of its coordinates.
+                "mesh" => assert!(meshes.contains(digest)),
                 block => {
                     assert!(block.starts_with("block "), "{block}");
                     assert!(blocks.contains(digest));

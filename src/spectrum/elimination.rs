@@ -70,35 +70,47 @@ impl Elimination {
         symbolic: &SymbolicSupernodalCholesky<u32>,
     ) -> Self {
         let count = symbolic.n_supernodes();
-        let n = order.len();
-        let mut begin = symbolic.supernode_begin().to_vec();
-        begin.push(n as u32);
+        let columns =
+            |s: usize| symbolic.supernode_begin()[s] as usize..symbolic.supernode_end()[s] as usize;
+        let mut of_column = vec![0_u32; order.len()];
+        (0..count).for_each(|s| of_column[columns(s)].fill(s as u32));
+        let parent = |s: usize| {
+            let first = symbolic.supernode(s).pattern().first();
+            first.map_or(NONE, |&row| of_column[row as usize])
+        };
+        let parents: Vec<u32> = (0..count).map(parent).collect();
+        // faer's numbering is a postorder of one tree, but not always of several.
+        let numbering = postorder(&parents);
+        let (mut renumbered, mut moved) = (vec![0_u32; count], vec![0_u32; order.len()]);
+        let (mut begin, mut new_order) = (vec![0_u32], Vec::with_capacity(order.len()));
+        for (new, &old) in numbering.iter().enumerate() {
+            renumbered[old] = new as u32;
+            for column in columns(old) {
+                moved[column] = new_order.len() as u32;
+                new_order.push(order[column]);
+            }
+            begin.push(new_order.len() as u32);
+        }
         let (mut patterns, mut pattern_at) = (Vec::new(), vec![0]);
-        for s in 0..count {
-            patterns.extend_from_slice(symbolic.supernode(s).pattern());
+        for &old in &numbering {
+            let rows = symbolic.supernode(old).pattern().iter().map(|&row| moved[row as usize]);
+            let start = patterns.len();
+            patterns.extend(rows);
+            patterns[start..].sort_unstable();
             pattern_at.push(patterns.len());
         }
-        let mut of_column = vec![0_u32; n];
-        for s in 0..count {
-            of_column[begin[s] as usize..begin[s + 1] as usize].fill(s as u32);
-        }
-        let parent_of = |s: usize| patterns[pattern_at[s]..pattern_at[s + 1]].first();
-        let parent: Vec<u32> =
-            (0..count).map(|s| parent_of(s).map_or(NONE, |&row| of_column[row as usize])).collect();
+        let above = |&old: &usize| match parents[old] {
+            NONE => NONE,
+            parent => renumbered[parent as usize],
+        };
+        let parent: Vec<u32> = numbering.iter().map(above).collect();
         let mut first: Vec<u32> = (0..count as u32).collect();
         for s in (0..count).filter(|&s| parent[s] != NONE) {
             let above = parent[s] as usize;
             first[above] = first[above].min(first[s]);
         }
-        Self {
-            order: order.to_vec(),
-            place: place.to_vec(),
-            begin,
-            patterns,
-            pattern_at,
-            first,
-            parent,
-        }
+        let place = place.iter().map(|&row| moved[row as usize]).collect();
+        Self { order: new_order, place, begin, patterns, pattern_at, first, parent }
     }
 
     /// The number of rows.
@@ -170,6 +182,26 @@ impl Elimination {
     }
 }
 
+/// The nodes of a forest in an order in which the descendants of each come right before it.
+fn postorder(parents: &[u32]) -> Vec<usize> {
+    let mut children = vec![Vec::new(); parents.len()];
+    let mut open = Vec::new();
+    for (node, &parent) in parents.iter().enumerate() {
+        match parent {
+            NONE => open.push(node),
+            parent => children[parent as usize].push(node),
+        }
+    }
+    // Every node before its descendants, the last child first, read backwards.
+    let mut order = Vec::with_capacity(parents.len());
+    while let Some(node) = open.pop() {
+        order.push(node);
+        open.append(&mut children[node]);
+    }
+    order.reverse();
+    order
+}
+
 fn supernodes(symbolic: &SymbolicCholesky<u32>) -> &SymbolicSupernodalCholesky<u32> {
     match symbolic.raw() {
         SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
@@ -232,6 +264,13 @@ mod tests {
             elimination.roots().for_each(|root| seen[root] = true);
             assert!(seen.iter().all(|&seen| seen));
         }
+    }
+
+    #[test]
+    fn descendants_come_right_before_each_node_of_a_forest() {
+        // Two trees whose nodes are mixed: 0 and 2 under 4, 1 and 3 under 5.
+        let order = postorder(&[4, 5, 4, 5, NONE, NONE]);
+        assert_eq!(order, [0, 2, 4, 1, 3, 5]);
     }
 
     #[test]
