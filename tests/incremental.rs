@@ -200,7 +200,7 @@ fn training_sees_the_family_and_earlier_blocks_and_nothing_of_a_reference() {
     let operators = outputs(&["assemble"]);
     let remeshed = events.iter().filter(|event| event.stage == "remesh");
     let meshes: BTreeSet<String> =
-        remeshed.flat_map(|event| event.inputs.values().cloned()).collect();
+        remeshed.flat_map(|event| event.inputs.iter().map(|(_, digest)| digest.clone())).collect();
     for event in events.iter().filter(|event| event.stage == "train") {
         for (role, digest) in &event.inputs {
             assert!(!references.contains(digest), "{role}");
