@@ -308,8 +308,8 @@ fn seen(mesh: &TriMesh, boundary: Boundary) -> Result<Seen, Box<dyn Error>> {
         stiffness: operators.stiffness,
         mass: operators.mass.map(|b| b / area),
     };
-    for mut vector in chladni::spectrum::pencil::columns_mut(&mut reference.vectors) {
-        normalise(&mut vector, &member.mass);
+    for vector in chladni::spectrum::pencil::columns_mut(&mut reference.vectors) {
+        normalise(vector, &member.mass);
     }
     let (held, known) = match boundary {
         Boundary::Neumann => (vec![], Dense::from_fn(mesh.n(), 1, |_, _| 1.0)),

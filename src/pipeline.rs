@@ -250,7 +250,7 @@ impl Train {
 
     /// Refuses options of the recipe that is not chosen: they would change nothing.
     fn check_recipe(&self) -> Result<(), PipelineError> {
-        let [given, defaults] = [self, &Self::default()].map(|train| Table::try_from(train));
+        let [given, defaults] = [self, &Self::default()].map(Table::try_from);
         let (given, defaults) = (given.unwrap_or_default(), defaults.unwrap_or_default());
         let (others, rule) = match self.recipe {
             RecipeName::Ritz => {
