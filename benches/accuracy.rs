@@ -222,8 +222,7 @@ fn seen(mesh: &TriMesh, boundary: Boundary, penalty: f64) -> Result<Seen, Box<dy
     let share: f64 = std::env::var("MASS").ok().and_then(|v| v.parse().ok()).unwrap_or(0.0);
     if share > 0.0 {
         let consistent = Operators::assemble(mesh, MassKind::Consistent)?;
-        operators.mass =
-            &operators.mass.map(|x| x * (1.0 - share)) + &consistent.mass.map(|x| x * share);
+        operators.mass = &operators.mass.map(|x| x * (1.0 - share)) + &consistent.mass.map(|x| x * share);
     }
     let input = NetworkInput::new(&coordinates(mesh, Normalise::Area), &operators.adjacency);
     let member = Member::new(input, operators, boundary, penalty);
@@ -241,30 +240,29 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
         .map(|mesh| seen(mesh, case.boundary, options.penalty))
         .collect::<Result<_, _>>()?;
     let count = options.k - family[0].known.ncols();
-    let train =
-        |recipe: &Ritz| -> Result<Vec<Block>, Box<dyn Error>> {
-            let sample = |seen: &Seen, earlier: &Dense| Sample::new(&seen.member, earlier);
-            if options.shared {
-                let samples = family.iter().map(|s| sample(s, &s.known)).collect();
-                return Ok(train_blocks(samples, recipe, count, options.seed, &Silent)?);
-            }
-            let mut earlier: Vec<Dense> = family.iter().map(|s| s.known.clone()).collect();
-            let mut blocks = Vec::new();
-            for k in 0..count {
-                let samples = family.iter().zip(&earlier).map(|(s, e)| sample(s, e)).collect();
-                let seed = options.seed ^ (k as u64 + 1).rotate_left(32);
-                let block = train_blocks(samples, recipe, 1, seed, &Silent)?.remove(0);
-                family.par_iter().zip(&mut earlier).for_each(|(s, phi)| {
-                    let next = predict_next(&block, &s.member.input, &s.member.mass, phi);
-                    let c = phi.ncols();
-                    *phi = Dense::from_fn(phi.nrows(), c + 1, |i, j| {
-                        if j < c { phi[(i, j)] } else { next[i] }
-                    });
+    let train = |recipe: &Ritz| -> Result<Vec<Block>, Box<dyn Error>> {
+        let sample = |seen: &Seen, earlier: &Dense| Sample::new(&seen.member, earlier);
+        if options.shared {
+            let samples = family.iter().map(|s| sample(s, &s.known)).collect();
+            return Ok(train_blocks(samples, recipe, count, options.seed, &Silent)?);
+        }
+        let mut earlier: Vec<Dense> = family.iter().map(|s| s.known.clone()).collect();
+        let mut blocks = Vec::new();
+        for k in 0..count {
+            let samples = family.iter().zip(&earlier).map(|(s, e)| sample(s, e)).collect();
+            let seed = options.seed ^ (k as u64 + 1).rotate_left(32);
+            let block = train_blocks(samples, recipe, 1, seed, &Silent)?.remove(0);
+            family.par_iter().zip(&mut earlier).for_each(|(s, phi)| {
+                let next = predict_next(&block, &s.member.input, &s.member.mass, phi);
+                let c = phi.ncols();
+                *phi = Dense::from_fn(phi.nrows(), c + 1, |i, j| {
+                    if j < c { phi[(i, j)] } else { next[i] }
                 });
-                blocks.push(block);
-            }
-            Ok(blocks)
-        };
+            });
+            blocks.push(block);
+        }
+        Ok(blocks)
+    };
     let judge = Judge::new(case, options.k)?;
     let target = seen(&case.test, case.boundary, options.penalty)?;
     let untrained = Ritz { steps: 0, ..options.recipe };
@@ -274,7 +272,8 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
         let seconds = started.elapsed().as_secs_f64();
         let started = Instant::now();
         let blocks: Vec<&Block> = blocks.iter().collect();
-        let phi = predict_all(&target.known, &blocks, &target.member.input, &target.member.mass);
+        let phi =
+            predict_all(&target.known, &blocks, &target.member.input, &target.member.mass);
         let predicted = started.elapsed().as_secs_f64();
         judge.row(case, name, seconds, phi, predicted)?;
         if options.get("family", 0.0) != 0.0 && name == "trained" {
@@ -295,13 +294,7 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
     }
     let started = Instant::now();
     let carried = carry(&case.family[0], &case.test, case.boundary, options.k)?;
-    judge.row(
-        case,
-        "FEM of a member, carried over",
-        0.0,
-        carried,
-        started.elapsed().as_secs_f64(),
-    )?;
+    judge.row(case, "FEM of a member, carried over", 0.0, carried, started.elapsed().as_secs_f64())?;
     println!("FEM on the test mesh itself: {:.3} s", judge.seconds);
     Ok(())
 }
@@ -375,14 +368,7 @@ impl Judge {
         );
         if std::env::var_os("DETAIL").is_some() {
             for p in pairs {
-                println!(
-                    "    {:.4} {:.4} {:+.3} % {:.4} cluster {}",
-                    p.lambda,
-                    p.lambda_fem,
-                    100.0 * (p.lambda / p.lambda_fem - 1.0),
-                    p.angle_fem,
-                    p.cluster
-                );
+                println!("    {:.4} {:.4} {:+.3} % {:.4} cluster {}", p.lambda, p.lambda_fem, 100.0 * (p.lambda / p.lambda_fem - 1.0), p.angle_fem, p.cluster);
             }
         }
         Ok(())

@@ -243,7 +243,7 @@ impl Train {
 
     /// Refuses options of the recipe that is not chosen: they would change nothing.
     fn check_recipe(&self) -> Result<(), PipelineError> {
-        let [given, defaults] = [self, &Self::default()].map(|train| Table::try_from(train));
+        let [given, defaults] = [self, &Self::default()].map(Table::try_from);
         let (given, defaults) = (given.unwrap_or_default(), defaults.unwrap_or_default());
         let (others, rule) = match self.recipe {
             RecipeName::Ritz => {
@@ -600,6 +600,14 @@ impl Pipeline {
         if matches!(self.train.method, Method::Fem | Method::Mpgd) {
             return Ok(());
         }
+        if boundary == Boundary::Dirichlet && self.train.recipe == RecipeName::Paper {
+            let rule = "is for train.method = \"fem\"; recipe \"paper\" has the Neumann condition only, see \"Recipe paper\" in docs/training.md";
+            return Err(PipelineError::Value {
+                key: "operators.boundary",
+                value: boundary.name().into(),
+                rule,
+            });
+        }
         if boundary == Boundary::Dirichlet {
             let rule =
                 "is for train.method = \"fem\"; the learned method has the Neumann condition only";
@@ -817,6 +825,8 @@ mod tests {
             "{refused}"
         );
         assert!(message(&["train.recipe=papers"]).contains("paper"));
+        let refused = message(&["train.recipe=paper", "operators.boundary=dirichlet"]);
+        assert!(refused.contains("recipe \"paper\" has the Neumann"), "{refused}");
     }
 
     #[test]

@@ -174,9 +174,7 @@ impl Moments {
             parameters.into_iter().zip(gradients).zip(moments)
         {
             index += 1;
-            if freeze && index > 3 && index % 2 == 0 {
-                continue;
-            }
+            if freeze && index > 3 && index % 2 == 0 { continue; }
             let slot = match scratch.get_or_alloc_mut(parameter) {
                 Ok(slot) => slot,
                 Err(error) => panic!("no memory for a gradient: {error:?}"),

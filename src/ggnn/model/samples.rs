@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::ggnn::block::TrainingRecord;
-use crate::ggnn::network::{Trunk, TrunkShape};
 use crate::ggnn::recipe::Ritz;
+use crate::ggnn::network::{Trunk, TrunkShape};
 use crate::mesh::sample::icosphere;
 
 /// Two blocks of four features, for icosphere(1).

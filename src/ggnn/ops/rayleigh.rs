@@ -167,11 +167,8 @@ mod tests {
         let f = values(n * h, 1);
         let dev = Cpu::default();
         let tensor = dev.tensor_from_vec(f.clone(), (n, h));
-        let loss = rayleigh(
-            tensor.clone().put_tape(OwnedTape::default()),
-            &Arc::new(vec![term(&f)]),
-            &member,
-        );
+        let loss =
+            rayleigh(tensor.clone().put_tape(OwnedTape::default()), &Arc::new(vec![term(&f)]), &member);
         let gradient = loss.backward().get(&tensor).as_vec();
         for entry in 0..n * h {
             let at = |delta: f64| {
