@@ -1,7 +1,7 @@
 //! Where recipe `paper` goes, epoch by epoch: the tables of `docs/training.md`, "Recipe paper".
 //!
-//! `cargo bench --bench paper_recipe [-- square|sphere… KEY=VALUE…]`. First what the loss's terms are worth at functions
-//! that are known: the constant, and FEM's eigenfunctions on every member. Then trainings: the Rayleigh quotient over the
+//! `cargo bench --bench paper_recipe [-- square|sphere… KEY=VALUE…]`. With `landscape=1`, what the loss's
+//! terms are worth at functions that are known: the constant, and analytic eigenfunctions at the vertices. Then trainings: the Rayleigh quotient over the
 //! epochs, the terms at the end, and what is predicted on a finer mesh, against FEM there. λ is in input units (on the
 //! square 2, 5, 5, 8, on the sphere 0, 2, 2, 2, 6), the terms are those of unit area.
 
@@ -41,7 +41,6 @@ struct Seen {
     member: Member,
     held: Vec<u32>,
     area: f64,
-    reference: Eigenpairs,
     /// The constant on a closed surface, nothing otherwise.
     known: Dense,
 }
@@ -109,7 +108,9 @@ fn run(name: &str, settings: &Settings) -> Result<(), Box<dyn Error>> {
         "square" => square(144, member),
         _ => ball(2, member),
     };
-    let family: Vec<Seen> = (0..members).filter_map(|m| seen(&mesh(m), boundary).ok()).collect();
+    let family: Vec<Seen> =
+        (0..members).map(|m| seen(&mesh(m), boundary)).collect::<Result<_, _>>()?;
+    let reference = reference(&test, boundary)?;
     let test = seen(&test, boundary)?;
     println!("# {name}, {members} members: {settings:?}");
     if settings.contains_key("landscape") {
@@ -118,13 +119,13 @@ fn run(name: &str, settings: &Settings) -> Result<(), Box<dyn Error>> {
     let blocks = number(settings, "blocks", 1.0) as usize;
     if recipe.epochs > 0 {
         for seed in list(settings, "seeds", &[0]) {
-            train(&family, &test, &recipe, blocks, seed as u64)?;
+            train(&family, (&test, &reference), &recipe, blocks, seed as u64)?;
         }
     }
     Ok(())
 }
 
-/// The mean terms at FEM's eigenfunctions of every member, the constant first; orthogonality against what comes before.
+/// The mean terms at the constant and at analytic eigenfunctions.
 fn landscape(family: &[Seen], rows: ResidualRows) {
     println!(
         "| function | λ | boundary | residual, mean | median | largest |\n|---|---|---|---|---|---|"
@@ -145,9 +146,6 @@ fn landscape(family: &[Seen], rows: ResidualRows) {
         );
     };
     row("constant", &|s| vec![1.0; s.member.input.n()]);
-    for k in 0..4 {
-        row(&format!("FEM {k}"), &|s| column(&s.reference.vectors, k).to_vec());
-    }
     let on_square = family[0].known.ncols() == 0;
     for (i, j) in [(1, 1), (1, 2), (2, 2), (3, 3)] {
         let wave = |s: &Seen| {
@@ -172,7 +170,7 @@ fn terms_at(seen: &Seen, function: Vec<f64>, rows: ResidualRows) -> Terms {
 
 fn train(
     family: &[Seen],
-    test: &Seen,
+    (test, reference): (&Seen, &Eigenpairs),
     recipe: &Paper,
     blocks: usize,
     seed: u64,
@@ -217,7 +215,7 @@ fn train(
             last.orthogonality,
         );
         let next = predict_next(&block, &test.member.input, &test.member.mass, &predicted);
-        println!("    on {} vertices: {}", test.member.input.n(), judged(test, &next));
+        println!("    on {} vertices: {}", test.member.input.n(), judged(test, reference, &next));
         predicted = joined(&predicted, &next);
         family.par_iter().zip(&mut earlier).for_each(|(s, phi)| {
             let next = predict_next(&block, &s.member.input, &s.member.mass, phi);
@@ -228,17 +226,19 @@ fn train(
 }
 
 /// λ of a prediction, 0 where it is held, and its share in FEM's eigenspaces.
-fn judged(test: &Seen, prediction: &[f64]) -> String {
+fn judged(test: &Seen, reference: &Eigenpairs, prediction: &[f64]) -> String {
     let mut u = prediction.to_vec();
     test.held.iter().for_each(|&i| u[i as usize] = 0.0);
     normalise(&mut u, &test.member.mass);
     let lambda = quadratic(&test.member.stiffness, &u) / test.area;
     let mut bu = vec![0.0; u.len()];
     apply(&test.member.mass, &u, &mut bu);
-    let values = &test.reference.values;
+    let mass = &test.member.mass;
     let mut shares: Vec<(f64, f64)> = Vec::new();
-    for (k, &value) in values.iter().enumerate() {
-        let share = dot(column(&test.reference.vectors, k), &bu).powi(2);
+    for (k, &value) in reference.values.iter().enumerate() {
+        let mut phi = column(&reference.vectors, k).to_vec();
+        normalise(&mut phi, mass);
+        let share = dot(&phi, &bu).powi(2);
         match shares.last_mut() {
             Some((first, sum)) if value - *first < 0.03 * value => *sum += share,
             _ => shares.push((value, share)),
@@ -273,49 +273,29 @@ impl Observer for Log {
     }
 }
 
-fn seen(mesh: &TriMesh, boundary: Boundary) -> Result<Seen, Box<dyn Error>> {
+/// FEM's eigenpairs, 0 where they are held.
+fn reference(mesh: &TriMesh, boundary: Boundary) -> Result<Eigenpairs, Box<dyn Error>> {
     let operators = Operators::assemble(mesh, MassKind::Lumped)?;
     let labels = component_labels(mesh);
     let problem = Problem::new(&operators, boundary, &labels)?;
-    let solved = std::panic::catch_unwind(|| {
-        let analysis = Analysis::new(problem.pencil())?;
-        Ok::<_, Box<dyn Error>>(fem::lowest(&problem, &analysis, 8)?.pairs)
-    });
-    let Ok(mut reference) = solved.unwrap_or_else(|_| {
-        println!("PANIC n {} boundary {}", mesh.n(), operators.boundary.len());
-        if std::env::var_os("DUMP").is_some() {
-            let text: String = mesh
-                .vertices()
-                .iter()
-                .map(|v| format!("v {} {} {}\n", v[0], v[1], v[2]))
-                .chain(
-                    mesh.faces()
-                        .iter()
-                        .map(|f| format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1)),
-                )
-                .collect();
-            std::fs::write(format!("/tmp/panic_{}.obj", operators.area.0.to_bits() % 1000), text)
-                .unwrap();
-        }
-        Err("panicked".into())
-    }) else {
-        return Err("no reference".into());
-    };
-    reference.vectors = problem.extend(reference.vectors);
+    let mut pairs = fem::lowest(&problem, &Analysis::new(problem.pencil())?, 8)?.pairs;
+    pairs.vectors = problem.extend(pairs.vectors);
+    Ok(pairs)
+}
+
+fn seen(mesh: &TriMesh, boundary: Boundary) -> Result<Seen, Box<dyn Error>> {
+    let operators = Operators::assemble(mesh, MassKind::Lumped)?;
     let area = operators.total_mass();
     let member = Member {
         input: NetworkInput::new(&coordinates(mesh, Normalise::None), &operators.adjacency),
         stiffness: operators.stiffness,
         mass: operators.mass.map(|b| b / area),
     };
-    for vector in chladni::spectrum::pencil::columns_mut(&mut reference.vectors) {
-        normalise(vector, &member.mass);
-    }
     let (held, known) = match boundary {
         Boundary::Neumann => (vec![], Dense::from_fn(mesh.n(), 1, |_, _| 1.0)),
         Boundary::Dirichlet => (operators.boundary, Dense::zeros(mesh.n(), 0)),
     };
-    Ok(Seen { member, held, area, reference, known })
+    Ok(Seen { member, held, area, known })
 }
 
 /// A geodesic sphere, turned at random, its vertices shifted along the surface.

@@ -127,3 +127,65 @@ fn quotient(samples: &[Sample], block: &Block) -> Option<f64> {
     let mean = quotients.iter().sum::<f64>() / quotients.len() as f64;
     mean.is_finite().then_some(mean)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ggnn::network::TrunkShape;
+    use crate::ggnn::predict::NetworkInput;
+    use crate::ggnn::sample::Member;
+    use crate::mesh::sample::icosphere;
+    use crate::operators::{MassKind, Operators};
+    use crate::spectrum::Dense;
+
+    struct Silent;
+
+    impl Observer for Silent {
+        fn step(&self, _: usize, _: usize, _: f64) {}
+
+        fn cancelled(&self) -> bool {
+            false
+        }
+    }
+
+    /// Unit spheres of different samplings, of unit area to training.
+    fn spheres() -> Vec<Sample> {
+        let sample = |mesh: crate::mesh::TriMesh| {
+            let operators = Operators::assemble(&mesh, MassKind::Lumped).unwrap();
+            let positions: Vec<f64> = mesh.vertices().iter().flatten().copied().collect();
+            let area = operators.total_mass();
+            let member = Member {
+                input: NetworkInput::new(&positions, &operators.adjacency),
+                stiffness: operators.stiffness,
+                mass: operators.mass.map(|b| b / area),
+            };
+            Sample::new(&member, vec![], &Dense::from_fn(mesh.n(), 1, |_, _| 1.0))
+        };
+        [icosphere(1), icosphere(2), icosphere(1)].map(sample).into()
+    }
+
+    fn recipe(epochs: usize) -> Paper {
+        let shape = TrunkShape { width: 32, layers: 2, ..Paper::default().shape };
+        Paper { shape, epochs, batch: 2, milestones: vec![], ..Paper::default() }
+    }
+
+    #[test]
+    fn the_sphere_is_learned() {
+        let block = train_block(&spheres(), &recipe(200), 5, &Silent).unwrap();
+        let lambda = 2.0 * 4.0 * std::f64::consts::PI;
+        assert!((block.record.trained / lambda - 1.0).abs() < 0.2, "{:?}", block.record);
+        assert_eq!(block.head.len(), 33);
+        assert_eq!(block.record.history.len(), 200);
+    }
+
+    #[test]
+    fn the_bits_do_not_depend_on_the_number_of_threads() {
+        let train = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| train_block(&spheres(), &recipe(3), 5, &Silent).unwrap())
+        };
+        assert_eq!(train(1), train(3));
+        let other = train_block(&spheres(), &recipe(3), 6, &Silent).unwrap();
+        assert_ne!(other.head, train(2).head);
+    }
+}
