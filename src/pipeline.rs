@@ -90,6 +90,11 @@ pub struct Train {
     /// `ritz`: the head's ridge, relative to the trace of the features' stiffness: what keeps ill-conditioned combinations
     /// of features out.
     pub ridge: f64,
+    /// `shared`: eigenfunctions beyond k that training goes down with the others, so that φ_k does not mix with them.
+    pub spare: usize,
+    /// `shared`: how often variants are subdivided, and their vertices moved to the mesh, before the heads are solved for
+    /// the last time.
+    pub head_subdivisions: usize,
     /// What holds the network to 0 on a Dirichlet boundary, relative to the stiffness's own diagonal.
     pub boundary_penalty: f64,
     /// `ritz`: parallel tapes. The bits of a result depend on it, but not on the number of threads.
@@ -165,7 +170,8 @@ impl Refine {
 
 impl Default for Train {
     fn default() -> Self {
-        let Ritz { shape, ranges, steps, batch, learning_rate, ridge, shards } = Ritz::default();
+        let Ritz { shape, ranges, steps, batch, learning_rate, ridge, spare, shards } =
+            Ritz::default();
         let paper = Paper::default();
         Self {
             method: Method::LepDpinn,
@@ -187,6 +193,8 @@ impl Default for Train {
             batch,
             learning_rate,
             ridge,
+            spare,
+            head_subdivisions: 0,
             boundary_penalty: BOUNDARY_PENALTY,
             shards,
             epochs: paper.epochs,
@@ -227,6 +235,7 @@ impl Train {
                 batch,
                 learning_rate,
                 ridge: self.ridge,
+                spare: self.spare,
                 shards: self.shards,
             }),
             RecipeName::Paper => Recipe::Paper(Paper {
@@ -248,22 +257,30 @@ impl Train {
         }
     }
 
-    /// Refuses options of the recipe that is not chosen: they would change nothing.
+    /// Refuses options of the recipe, or of the kind of trunk, that is not chosen: they would change nothing.
     fn check_recipe(&self) -> Result<(), PipelineError> {
-        let [given, defaults] = [self, &Self::default()].map(Table::try_from);
-        let (given, defaults) = (given.unwrap_or_default(), defaults.unwrap_or_default());
-        let (others, rule) = match self.recipe {
-            RecipeName::Ritz => {
-                (&PAPER_ONLY[..], "is for train.recipe = \"paper\"; set that, or leave it out")
+        let unread: &[(&[&'static str], &'static str)] = match (self.recipe, self.trunk) {
+            (RecipeName::Ritz, Trunks::PerEigenfunction) => &[
+                (&PAPER_ONLY, "is for train.recipe = \"paper\"; set that, or leave it out"),
+                (&SHARED_ONLY, "is for train.trunk = \"shared\"; set that, or leave it out"),
+            ],
+            (RecipeName::Ritz, Trunks::Shared) => {
+                &[(&PAPER_ONLY, "is for train.recipe = \"paper\"; set that, or leave it out")]
             }
-            RecipeName::Paper => {
-                (&RITZ_ONLY[..], "is for train.recipe = \"ritz\"; set that, or leave it out")
+            (RecipeName::Paper, _) => {
+                &[(&RITZ_ONLY, "is for train.recipe = \"ritz\"; set that, or leave it out")]
             }
         };
-        for key in others {
-            let name = key.rsplit('.').next().unwrap_or(key);
-            if let Some(value) = given.get(name).filter(|value| defaults.get(name) != Some(value)) {
-                return Err(PipelineError::Value { key, value: value.to_string(), rule });
+        let [given, defaults] = [self, &Self::default()].map(Table::try_from);
+        let (given, defaults) = (given.unwrap_or_default(), defaults.unwrap_or_default());
+        for (keys, rule) in unread {
+            for key in *keys {
+                let name = key.rsplit('.').next().unwrap_or(key);
+                if let Some(value) =
+                    given.get(name).filter(|value| defaults.get(name) != Some(value))
+                {
+                    return Err(PipelineError::Value { key, value: value.to_string(), rule });
+                }
             }
         }
         Ok(())
@@ -369,7 +386,7 @@ impl Default for Publish {
 }
 
 /// Sizes beyond these are slips of the keyboard, and would be found out by running out of memory.
-const LARGEST: [(&str, usize); 7] = [
+const LARGEST: [(&str, usize); 9] = [
     ("train.k", 10_000),
     ("train.width", 8_192),
     ("train.layers", 64),
@@ -377,10 +394,22 @@ const LARGEST: [(&str, usize); 7] = [
     ("train.shards", 256),
     ("family.members", 10_000),
     ("features.landmarks", 1_024),
+    ("train.spare", 1_024),
+    ("train.head_subdivisions", MOST_SUBDIVISIONS),
 ];
 
 /// Options that only one recipe reads.
-const RITZ_ONLY: [&str; 4] = ["train.trunk", "train.steps", "train.ridge", "train.shards"];
+const RITZ_ONLY: [&str; 6] = [
+    "train.trunk",
+    "train.steps",
+    "train.ridge",
+    "train.spare",
+    "train.head_subdivisions",
+    "train.shards",
+];
+
+/// Options that only a shared trunk reads.
+const SHARED_ONLY: [&str; 2] = ["train.spare", "train.head_subdivisions"];
 const PAPER_ONLY: [&str; 9] = [
     "train.epochs",
     "train.milestones",
@@ -392,6 +421,9 @@ const PAPER_ONLY: [&str; 9] = [
     "train.residual_warmup",
     "train.residual_rows",
 ];
+
+/// `train.head_subdivisions` of a shared trunk, unless a file says otherwise.
+const HEAD_SUBDIVISIONS: usize = 1;
 
 /// More would make meshes of hundreds of times the size.
 const MOST_SUBDIVISIONS: usize = 3;
@@ -499,7 +531,8 @@ impl Pipeline {
             }
         }
         let (members, landmarks) = (self.family.members, self.features.landmarks);
-        let sizes = [k, width, self.train.layers, iterations, shards, members, landmarks];
+        let Train { layers, spare, head_subdivisions: finer, .. } = self.train;
+        let sizes = [k, width, layers, iterations, shards, members, landmarks, spare, finer];
         for ((key, largest), value) in LARGEST.into_iter().zip(sizes) {
             if value > largest {
                 let rule = "is more than can be meant; lower it";
@@ -663,20 +696,29 @@ fn assign(table: &mut Table, argument: &str) -> Result<(), PipelineError> {
     Ok(())
 }
 
-/// Options whose default depends on the recipe: lays the paper's under what a file says.
+/// Options whose default depends on the recipe or the kind of trunk: lays these under what a file says.
 fn lay_recipe_under(table: &mut Table) {
-    let recipe = table.get("train").and_then(|train| train.get("recipe"));
-    if recipe.and_then(Value::as_str) != Some("paper") {
-        return;
+    let train = |key| table.get("train").and_then(|train| train.get(key)).and_then(Value::as_str);
+    let mut under = Vec::new();
+    if train("recipe") == Some("paper") {
+        let Paper { shape, ranges, batch, learning_rate, .. } = Paper::default();
+        under.extend([
+            ("train", "layer", Value::try_from(shape.layer)),
+            ("train", "batch", Value::try_from(batch)),
+            ("train", "learning_rate", Value::try_from(learning_rate)),
+            ("train", "encoder_range", Value::try_from(ranges.encoder)),
+            ("train", "initial_weights", Value::try_from(ranges.interval)),
+            ("features", "normalise", Value::try_from(Normalise::None)),
+        ]);
+    } else if train("trunk") == Some(Trunks::Shared.name()) {
+        let Ritz { steps, spare, .. } = Ritz::shared();
+        under.extend([
+            ("train", "steps", Value::try_from(steps)),
+            ("train", "spare", Value::try_from(spare)),
+            ("train", "head_subdivisions", Value::try_from(HEAD_SUBDIVISIONS)),
+        ]);
     }
-    let Paper { ranges, batch, learning_rate, .. } = Paper::default();
-    for (section, key, value) in [
-        ("train", "batch", Value::try_from(batch)),
-        ("train", "learning_rate", Value::try_from(learning_rate)),
-        ("train", "encoder_range", Value::try_from(ranges.encoder)),
-        ("train", "initial_weights", Value::try_from(ranges.interval)),
-        ("features", "normalise", Value::try_from(Normalise::None)),
-    ] {
+    for (section, key, value) in under {
         let options = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
         if let (Some(options), Ok(value)) = (options.as_table_mut(), value) {
             options.entry(key).or_insert(value);
@@ -825,12 +867,28 @@ mod tests {
     }
 
     #[test]
+    fn a_shared_trunk_has_its_own_defaults_and_its_options_are_for_it_alone() {
+        let shared = parse("", &["train.trunk=shared"]).unwrap().train;
+        let Ritz { steps, spare, .. } = Ritz::shared();
+        let found = (shared.steps, shared.spare, shared.head_subdivisions);
+        assert_eq!(found, (steps, spare, HEAD_SUBDIVISIONS));
+        let chosen = parse("", &["train.trunk=shared", "train.spare=0", "train.steps=7"]).unwrap();
+        assert_eq!((chosen.train.spare, chosen.train.steps), (0, 7));
+        let message = |set: &[&str]| parse("", set).unwrap_err().to_string();
+        let refused = message(&["train.spare=2"]);
+        let rule = "train.spare = 2: is for train.trunk = \"shared\"";
+        assert!(refused.starts_with(rule), "{refused}");
+        let refused = message(&["train.trunk=shared", "train.head_subdivisions=4"]);
+        assert!(refused.contains("more than can be meant"), "{refused}");
+    }
+
+    #[test]
     fn a_family_is_a_list_of_operations_and_a_number_of_vertices_or_a_range() {
         let text = "[family]\noperations = [\"subdivide\", \"flip\"]\nvertices = [400, 800]";
         let family = parse(text, &[]).unwrap().family;
         assert_eq!(family.operations, [Operation::Subdivide, Operation::Flip]);
         assert_eq!(family.vertices, Resolution { fewest: 400, most: 800 });
-        assert_eq!(parse("", &["family.vertices=620"]).unwrap(), Pipeline::default());
+        assert_eq!(parse("", &["family.vertices=2000"]).unwrap(), Pipeline::default());
         let message = |set: &str| parse("", &[set]).unwrap_err().to_string();
         assert!(message("family.vertices=3").starts_with("family.vertices = 3: a closed"));
         assert!(message("family.vertices=[9, 8]").contains("the smaller number first"));

@@ -6,6 +6,7 @@
 //! - [`network`]: encoder and hidden layers, (27)–(29)
 //! - [`deflation`]: keeping a function away from the earlier eigenfunctions
 //! - [`head`]: the decoder, solved by Rayleigh–Ritz
+//! - [`heads`]: the decoders of a trunk, solved again on finer samplings
 //! - [`sample`]: what training works on
 //! - [`recipe`]: the hyperparameters
 //! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
@@ -18,6 +19,7 @@ pub mod block;
 pub mod deflation;
 pub mod features;
 pub mod head;
+pub mod heads;
 pub mod landmarks;
 pub mod likeness;
 pub mod model;

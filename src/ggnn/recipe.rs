@@ -64,6 +64,10 @@ pub struct Ritz {
     /// The head's ridge σ, relative to the trace of the features' stiffness: combinations of features that need
     /// weights so large that σ‖w‖² counts are cut off.
     pub ridge: f64,
+    /// Eigenfunctions beyond the wanted ones that training goes down with them: the last of the wanted ones is then no
+    /// longer free to mix with its next neighbour. They get no head.
+    #[serde(default)]
+    pub spare: usize,
     /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
     pub shards: usize,
 }
@@ -77,20 +81,26 @@ impl Default for Ritz {
                 width: 128,
                 layers: 4,
                 iterations: 1,
-                layer: Layer::Sggc,
+                layer: Layer::Pointwise,
                 activation: Activation::Sin,
             },
-            ranges: Ranges { encoder: 4.0, hidden: 0.005, interval: Interval::Symmetric },
+            ranges: Ranges { encoder: 6.0, hidden: 0.005, interval: Interval::Symmetric },
             steps: 100,
-            batch: 2,
+            batch: 1,
             learning_rate: 6e-3,
             ridge: 1e-10,
+            spare: 0,
             shards: 2,
         }
     }
 }
 
 impl Ritz {
+    /// What a trunk that all eigenfunctions share wants more of: steps for all of them, and spare ones.
+    pub fn shared() -> Self {
+        Self { steps: 600, spare: 4, ..Self::default() }
+    }
+
     /// The learning rate at `step`.
     pub fn learning_rate_at(&self, step: usize) -> f64 {
         let phase = step as f64 / self.steps.max(1) as f64;

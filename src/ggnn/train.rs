@@ -65,10 +65,10 @@ pub fn train_blocks(
     let everyone: Vec<usize> = (0..samples.len()).collect();
     let mut batches = Batches::new(samples.len(), recipe.batch, seed);
     Shards::run(&samples, recipe.shards, |shards| {
-        let solve = |grams: Grams, step: usize| {
-            grams.solve(recipe.ridge, count).ok_or(TrainError::Degenerate { step })
+        let solve = |grams: Grams, heads: usize, step: usize| {
+            grams.solve(recipe.ridge, heads).ok_or(TrainError::Degenerate { step })
         };
-        let untrained = solve(shards.grams(&trunk, &everyone), 0)?;
+        let untrained = solve(shards.grams(&trunk, &everyone), count, 0)?;
         let mut adam = Moments::new(trunk.parameters());
         let mut history = Vec::with_capacity(recipe.steps);
         for step in 0..recipe.steps {
@@ -77,14 +77,19 @@ pub fn train_blocks(
             }
             let batch = batches.next();
             // Solved on the very batch that gives the gradient: heads from another batch are not optimal here.
-            let heads = solve(shards.grams(&trunk, &batch), step)?;
+            let grams = shards.grams(&trunk, &batch);
+            let heads = match grams.solve(recipe.ridge, count + recipe.spare) {
+                Some(heads) => heads,
+                // A narrow trunk or a small mesh may have no room for spare ones.
+                None => solve(grams, count, step)?,
+            };
             let gradients = shards.gradients(&heads);
             adam.update(trunk.parameters_mut(), gradients, recipe.learning_rate_at(step));
             let quotient = geometric_mean(&heads);
             history.push(quotient);
             observer.step(step + 1, recipe.steps, quotient);
         }
-        let heads = solve(shards.grams(&trunk, &everyone), recipe.steps)?;
+        let heads = solve(shards.grams(&trunk, &everyone), count, recipe.steps)?;
         let weights = Arc::new(trunk.weights());
         let block = |(head, untrained): (Head, &Head)| Block {
             shape: recipe.shape,

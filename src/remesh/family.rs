@@ -23,8 +23,8 @@ pub struct FamilyRecipe {
     /// What is done to the mesh for every variant, in this order.
     pub operations: Vec<Operation>,
     /// About how many vertices `simplify` leaves, one number or a range to draw from; at most three quarters of those
-    /// that there are. A mesh that has no more than this itself is not simplified: coarser variants of it would be
-    /// another shape.
+    /// that there are. A mesh that has no more than this itself, or than 620, is not simplified: coarser variants of it would
+    /// be another shape.
     pub vertices: Resolution,
     /// How far vertices move, in mean edge lengths, while the collapses are chosen.
     pub jitter: f64,
@@ -56,7 +56,7 @@ impl Default for FamilyRecipe {
         Self {
             members: 8,
             operations: vec![Operation::Simplify],
-            vertices: 620.into(),
+            vertices: 2000.into(),
             jitter: 0.3,
             perturbation: 0.3,
             flips: 0.2,
@@ -91,6 +91,9 @@ const DRAWS_AS_ASKED: usize = 8;
 
 /// A member has at most this share of the mesh's vertices.
 const LARGEST_SHARE: f64 = 0.75;
+
+/// A mesh of so few vertices is not simplified unless fewer are asked for.
+const SMALL: usize = 620;
 
 /// A variant with a triangle thinner than this is drawn again, unless the mesh has such triangles itself: one
 /// collapsed triangle's cotangents swamp the stiffness of all others.
@@ -133,8 +136,13 @@ impl Family {
 impl FamilyRecipe {
     /// Whether nothing would be done to `mesh`.
     fn leaves_alone(&self, mesh: &TriMesh) -> bool {
-        let simplified = mesh.n() > self.vertices.fewest;
+        let simplified = self.simplifies(mesh);
         !self.operations.iter().any(|&operation| operation != Operation::Simplify || simplified)
+    }
+
+    /// Whether `simplify` does anything to `mesh`.
+    fn simplifies(&self, mesh: &TriMesh) -> bool {
+        mesh.n() > self.vertices.fewest.min(SMALL)
     }
 
     /// One draw of a variant, `gentler` times gentler than asked for.
@@ -148,7 +156,7 @@ impl FamilyRecipe {
     ) -> Result<TriMesh, InvalidMesh> {
         let strength = 0.25_f64.powi(gentler);
         self.operations.iter().try_fold(mesh.clone(), |mesh, operation| match operation {
-            Operation::Simplify if mesh.n() <= self.vertices.fewest => Ok(mesh),
+            Operation::Simplify if !self.simplifies(&mesh) => Ok(mesh),
             Operation::Simplify => {
                 let vertices = vertices.min((LARGEST_SHARE * mesh.n() as f64) as usize);
                 let kept = 1.0 - 0.5_f64.powi(gentler);

@@ -3,6 +3,7 @@
 //! - [`simplify`]: fewer vertices
 //! - [`perturb`]: vertices elsewhere on the surface
 //! - [`flip`]: other triangles between the same vertices
+//! - [`refined`]: a finer sampling of a variant
 //! - [`thickness`]: which triangles are too thin
 //! - [`resolution`]: how many vertices
 //! - [`family`]: a seeded set of variants that keep the topology
@@ -10,9 +11,11 @@
 pub mod family;
 pub mod flip;
 pub mod perturb;
+pub mod refined;
 pub mod resolution;
 pub mod simplify;
 pub mod thickness;
 
 pub use family::{Family, FamilyError, FamilyRecipe, Operation};
+pub use refined::refined;
 pub use resolution::Resolution;

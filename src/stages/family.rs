@@ -3,6 +3,8 @@
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use super::Failure;
 use super::assemble::operators_of;
 use super::context::Context;
@@ -12,10 +14,11 @@ use crate::flow::events::How;
 use crate::ggnn::features::{FeatureOptions, Features};
 use crate::ggnn::predict::NetworkInput;
 use crate::ggnn::sample::Member;
+use crate::mesh::closest::ClosestPoint;
 use crate::mesh::topology::component_labels;
 use crate::mesh::{Ingested, TriMesh};
-use crate::operators::{Boundary, Operators};
-use crate::remesh::Family;
+use crate::operators::{Boundary, OperatorOptions, Operators};
+use crate::remesh::{Family, refined};
 use crate::spectrum::Dense;
 use crate::spectrum::nullspace::free_nullspace;
 use crate::store::Digest;
@@ -39,6 +42,9 @@ pub struct TrainingSet {
     operators: Vec<Operators>,
     features: OnceLock<Features>,
     seen: OnceLock<Seen>,
+    finer: OnceLock<Seen>,
+    head_subdivisions: usize,
+    assembly: OperatorOptions,
 }
 
 /// A family as training sees it.
@@ -63,6 +69,29 @@ impl TrainingSet {
             let (members, nullspaces) = family.map(|(mesh, own)| self.member(mesh, own)).unzip();
             Seen { members, nullspaces }
         })
+    }
+
+    /// The family on finer samplings, where the heads of a shared trunk are solved for the last time; `None` where they keep
+    /// those of training.
+    ///
+    /// # Errors
+    /// When a sampling has no operators.
+    pub fn finer(&self) -> Result<Option<&Seen>, Failure> {
+        if self.head_subdivisions == 0 {
+            return Ok(None);
+        }
+        if let Some(finer) = self.finer.get() {
+            return Ok(Some(finer));
+        }
+        let surface = ClosestPoint::on(&self.ingested.mesh);
+        let one = |variant: &TriMesh| {
+            let mesh = refined(variant, &surface, self.head_subdivisions);
+            let operators = Operators::assemble(&mesh, self.assembly)?;
+            Ok(self.member(&mesh, &operators))
+        };
+        let members: Result<Vec<_>, Failure> = self.family.members.par_iter().map(one).collect();
+        let (members, nullspaces) = members?.into_iter().unzip();
+        Ok(Some(self.finer.get_or_init(|| Seen { members, nullspaces })))
     }
 
     fn member(&self, mesh: &TriMesh, operators: &Operators) -> (Member, Dense) {
@@ -110,6 +139,9 @@ pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<InT
         operators,
         features: OnceLock::new(),
         seen: OnceLock::new(),
+        finer: OnceLock::new(),
+        head_subdivisions: train.head_subdivisions,
+        assembly: options,
     };
     Ok(InTraining::new(assembled, training))
 }

@@ -17,9 +17,10 @@ use super::family::{Seen, TrainingSet};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::features::Input;
+use crate::ggnn::heads::solve_heads;
 use crate::ggnn::paper::{self, train_block};
 use crate::ggnn::predict::predict_next;
-use crate::ggnn::recipe::{Recipe, Trunks};
+use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::{Member, Sample};
 use crate::ggnn::train::{Observer, TrainError, train_blocks};
 use crate::operators::Boundary;
@@ -132,10 +133,11 @@ fn work(
         .param("trunk", trunk.name())
         .param("recipe", canonical(recipe))
         .param("penalty", canonical(&penalty))
+        .param("head subdivisions", train.head_subdivisions.to_string())
         .param("features", canonical(&features.effective()))
         .input("family", &training.family_digest);
-    if features.input != Input::EdgeLengths {
-        // Its frame, or its landmarks.
+    if features.input != Input::EdgeLengths || train.head_subdivisions > 0 {
+        // Its frame, its landmarks, or the surface that finer samplings lie on.
         work = work.input("mesh", &state.assembled.loaded.digest());
     }
     let members = training.operators_digests.iter();
@@ -174,7 +176,11 @@ fn trained(
                 return Err(Failure::NarrowTrunk { heads, width });
             }
             let samples = members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
-            train_blocks(samples, recipe, heads, seed, &progress)
+            let finer = state.training.finer()?;
+            train_blocks(samples, recipe, heads, seed, &progress).and_then(|blocks| match finer {
+                None => Ok(blocks),
+                Some(finer) => heads_on(finer, &blocks, recipe),
+            })
         }
         Recipe::Paper(recipe) => {
             // Under the Neumann condition, the only one so far, no vertex is held.
@@ -187,6 +193,14 @@ fn trained(
         TrainError::Cancelled => Failure::Interrupted,
         source => Failure::Train { functions: named(wanted), source },
     })
+}
+
+/// The blocks of a shared trunk with heads for other samplings.
+fn heads_on(finer: &Seen, blocks: &[Block], recipe: &Ritz) -> Result<Vec<Block>, TrainError> {
+    let members = finer.members.iter().zip(&finer.nullspaces);
+    let samples: Vec<_> =
+        members.map(|(member, nullspace)| Sample::new(member, nullspace)).collect();
+    solve_heads(blocks, &samples, recipe.ridge).ok_or(TrainError::Degenerate { step: recipe.steps })
 }
 
 /// φ2, or φ2…φ16.
