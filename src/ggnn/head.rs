@@ -6,11 +6,10 @@
 
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, Par};
-use pulp::Arch;
 
 use super::deflation::Deflation;
 use super::ops::graph::Graph;
-use super::ops::real::{Real, gemm, view};
+use super::ops::real::{Real, gemm, view, widely};
 use crate::spectrum::Dense;
 use crate::spectrum::rayleigh_ritz::lowest_ridge_pairs;
 
@@ -72,7 +71,7 @@ impl Grams {
 /// P F in double precision, row-major n×h.
 fn deflated<E: Real>(features: &[E], n: usize, h: usize, deflation: &Deflation) -> Vec<f64> {
     let mut f = Vec::with_capacity(features.len());
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || f.extend(features.iter().map(|v| v.wide())),
     );

@@ -1,9 +1,8 @@
 //! The functions between layers: sin as in (28) and (29), and the two that the paper's Table 2 compares it with.
 
-use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
-use super::real::Real;
+use super::real::{Real, sin_in_place, widely};
 
 /// A function that is applied to every entry, in the encoder and in every layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -32,6 +31,15 @@ impl Activation {
         }
         Activated { values, slopes }
     }
+
+    /// x ← σ(x) for every entry: the values of [`Self::apply`].
+    pub fn in_place(self, x: &mut [f32]) {
+        match self {
+            Self::Sin => sin_in_place(x),
+            Self::Tanh => x.iter_mut().for_each(|x| *x = x.tanh()),
+            Self::Relu => x.iter_mut().for_each(|x| *x = if *x <= 0.0 { 0.0 } else { *x }),
+        }
+    }
 }
 
 /// What an activation makes of some entries.
@@ -54,7 +62,7 @@ fn tanh_all<E: Real>(x: &[E], values: &mut [E], slopes: &mut [E]) {
 
 fn relu_all<E: Real>(x: &[E], values: &mut [E], slopes: &mut [E]) {
     let (zero, one) = (E::default(), E::round(1.0));
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || {
             for (&x, (value, slope)) in x.iter().zip(values.iter_mut().zip(slopes.iter_mut())) {
@@ -83,6 +91,16 @@ mod tests {
                 let difference = (up[i] - down[i]) / (2.0 * step);
                 assert!((slope - difference).abs() < 1e-9, "{activation:?} at {}", x[i]);
             }
+        }
+    }
+
+    #[test]
+    fn values_in_place_are_the_same_values() {
+        let x: Vec<f32> = (-400..400).map(|i| 0.03 * i as f32).collect();
+        for activation in Activation::ALL {
+            let mut found = x.clone();
+            activation.in_place(&mut found);
+            assert_eq!(found, activation.apply(&x).values, "{activation:?}");
         }
     }
 

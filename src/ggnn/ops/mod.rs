@@ -4,6 +4,7 @@
 //! traced input, computes in one pass, and pushes one backward closure.
 //!
 //! - [`real`]: the scalar types, dense products, sine and cosine in bulk
+//! - [`product`]: products of single precision with a matrix that is packed once
 //! - [`graph`]: sparse times dense
 //! - [`activation`]: the functions between layers
 //! - [`encoder`]: ENC of (28)
@@ -22,6 +23,7 @@ pub mod gcn;
 pub mod graph;
 pub mod losses;
 pub mod pointwise;
+pub mod product;
 pub mod rayleigh;
 pub mod real;
 pub mod sggc;

@@ -8,9 +8,8 @@
 use std::sync::Arc;
 
 use dfdx::prelude::*;
-use pulp::Arch;
 
-use super::real::{Real, axpy};
+use super::real::{Real, axpy, widely};
 use super::{Matrix, Scalar, entries};
 use crate::ggnn::deflation::Deflation;
 use crate::operators::Sparse;
@@ -57,7 +56,7 @@ fn deflated_predictions<E: Real>(
     let mut weights = Vec::with_capacity(h * heads);
     (0..h).for_each(|j| weights.extend(terms.iter().map(|term| term.head[j])));
     let mut rows = vec![0.0; features.len() / h * heads];
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || {
             for (row, features) in rows.chunks_exact_mut(heads).zip(features.chunks_exact(h)) {
@@ -103,7 +102,7 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
             member.deflation.apply_transposed(residual);
             let scale = 2.0 * outer * term.weight;
             let weights: Vec<E> = term.head.iter().map(|&w| E::round(w)).collect();
-            Arch::new().dispatch(
+            widely(
                 #[inline(always)]
                 || {
                     for (row, r) in d_features.chunks_exact_mut(weights.len()).zip(&*residual) {

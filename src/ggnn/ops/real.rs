@@ -3,7 +3,7 @@
 use dfdx::dtypes::Dtype;
 use faer::linalg::matmul::matmul_with_conj;
 use faer::{Accum, Conj, MatMut, MatRef, Par};
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 
 /// `f32`, which trains and predicts, or `f64`, which checks it.
 pub trait Real: Dtype + faer::traits::RealField {
@@ -45,11 +45,30 @@ impl Real for f32 {
         f32::tanh(self)
     }
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
-        Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || sin_cos_f32(x, sin, cos),
         );
     }
+}
+
+/// Does `work` in registers as wide as the machine has.
+///
+/// As `FnMut`: what pulp makes of a closure goes through a shim that is called, not inlined, and stays narrow. The closure
+/// wants `#[inline(always)]` all the same.
+pub fn widely(work: impl FnMut()) {
+    struct Widely<F>(F);
+
+    impl<F: FnMut()> NullaryFnOnce for Widely<F> {
+        type Output = ();
+
+        #[inline(always)]
+        fn call(mut self) {
+            (self.0)();
+        }
+    }
+
+    Arch::new().dispatch(Widely(work));
 }
 
 /// dst = a·b, or dst += a·b, on one thread. `dst` is row-major; `a` and `b` may be transposed views.
@@ -73,7 +92,7 @@ pub fn axpy<E: Real>(a: E, x: &[E], y: &mut [E]) {
 
 /// y += x.
 pub fn add<E: Real>(x: &[E], y: &mut [E]) {
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, &x)| *y += x),
     );
@@ -81,7 +100,7 @@ pub fn add<E: Real>(x: &[E], y: &mut [E]) {
 
 /// y ← y ∘ x, entry by entry.
 pub fn multiply<E: Real>(x: &[E], y: &mut [E]) {
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, &x)| *y *= x),
     );
@@ -111,6 +130,33 @@ fn sin_cos_f32(x: &[f32], sin: &mut [f32], cos: &mut [f32]) {
             }
         }
     }
+}
+
+/// x ← sin x for every entry: the sines of [`Real::sin_cos_all`], bit for bit.
+pub fn sin_in_place(x: &mut [f32]) {
+    widely(
+        #[inline(always)]
+        || sin_f32(x),
+    );
+}
+
+#[inline(always)]
+fn sin_f32(x: &mut [f32]) {
+    let mut in_range = true;
+    for x in &*x {
+        in_range &= x.abs() <= REDUCTION_LIMIT;
+    }
+    if in_range {
+        for x in x {
+            *x = sin_cos_reduced(*x).0;
+        }
+    } else {
+        x.iter_mut().for_each(|x| *x = sin_anywhere(*x));
+    }
+}
+
+fn sin_anywhere(x: f32) -> f32 {
+    if x.abs() <= REDUCTION_LIMIT { sin_cos_reduced(x).0 } else { x.sin() }
 }
 
 #[inline(always)]
@@ -147,6 +193,21 @@ mod tests {
             assert!((f64::from(sin[i]) - s).abs() < 1.3e-7, "sin {x}");
             assert!((f64::from(cos[i]) - c).abs() < 1.3e-7, "cos {x}");
         }
+    }
+
+    #[test]
+    fn sines_in_place_are_the_same_sines() {
+        for reach in [1.0, 1e5] {
+            let x: Vec<f32> = (-1000..1000).map(|i| i as f32 * 0.013 * reach).collect();
+            let (mut sin, mut cos) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            f32::sin_cos_all(&x, &mut sin, &mut cos);
+            let mut found = x;
+            sin_in_place(&mut found);
+            assert_eq!(found, sin);
+        }
+        let mut undefined = [0.0, f32::NAN];
+        sin_in_place(&mut undefined);
+        assert!(undefined[1].is_nan());
     }
 
     #[test]

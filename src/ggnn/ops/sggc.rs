@@ -7,11 +7,10 @@ use std::sync::Arc;
 
 use dfdx::prelude::*;
 use faer::Accum;
-use pulp::Arch;
 
 use super::activation::{Activated, Activation};
 use super::graph::Graph;
-use super::real::{Real, add, gemm, multiply, view};
+use super::real::{Real, add, gemm, multiply, view, widely};
 use super::{Matrix, entries};
 
 /// The weights of one layer in the form its products want, made once for many forward passes.
@@ -118,7 +117,7 @@ fn fold_neighbours<E: Real>(joined: &[E], graph: &Graph<E>, h: usize, dx: &mut [
 
 /// dw += f(dMᵀ_own, dMᵀ_near).
 fn add_weight_gradient<E: Real>(d_matrix: &[E], h: usize, dw: &mut [E], f: impl Fn(E, E) -> E) {
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || {
             for (dw, row) in dw.chunks_exact_mut(h).zip(d_matrix.chunks_exact(2 * h)) {
