@@ -14,7 +14,7 @@ use super::head::{Grams, Head};
 use super::network::{Prepared, Trunk};
 use super::ops::rayleigh::{Term, rayleigh};
 use super::ops::real::add;
-use super::ops::{Matrix, entries};
+use super::ops::{Matrix, lent};
 use super::sample::Sample;
 
 /// The shards of one training, as its coordinator sees them.
@@ -154,7 +154,7 @@ fn forward(
     let x = sample.input.tensor(device).put_tape(OwnedTape::default());
     let features = trunk.forward_with(layers, x, &sample.input.graph);
     let (stiffness, mass) = (&sample.stiffness, &sample.mass);
-    sum.include(&entries(&features), stiffness, mass, &sample.pencil.deflation);
+    sum.include(&lent(&features), stiffness, mass, &sample.pencil.deflation);
     features
 }
 

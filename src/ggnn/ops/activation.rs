@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::loan::Loan;
 use super::real::{Real, sin_in_place, widely};
 
 /// A function that is applied to every entry, in the encoder and in every layer.
@@ -23,7 +24,8 @@ impl Activation {
 
     /// The values σ(x) and the slopes σ′(x) of all entries.
     pub fn apply<E: Real>(self, x: &[E]) -> Activated<E> {
-        let (mut values, mut slopes) = (vec![E::default(); x.len()], vec![E::default(); x.len()]);
+        // Values are given away to a tensor, slopes come back after the backward pass.
+        let (mut values, mut slopes) = (vec![E::default(); x.len()], Loan::of(x.len()));
         match self {
             Self::Sin => E::sin_cos_all(x, &mut values, &mut slopes),
             Self::Tanh => tanh_all(x, &mut values, &mut slopes),
@@ -44,11 +46,11 @@ impl Activation {
 
 /// What an activation makes of some entries.
 #[derive(Debug)]
-pub struct Activated<E> {
+pub struct Activated<E: Real> {
     /// σ(x).
     pub values: Vec<E>,
     /// σ′(x).
-    pub slopes: Vec<E>,
+    pub slopes: Loan<E>,
 }
 
 /// tanh′ = 1 − tanh².

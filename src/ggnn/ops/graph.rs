@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use pulp::{Arch, NullaryFnOnce};
 
-use super::real::{Real, axpy};
+use super::real::Real;
 use crate::operators::{Pattern, Sparse};
 
 /// A square sparse matrix with n rows, in compressed rows, with its transpose for the backward pass.
@@ -150,11 +150,12 @@ impl<E: Real, F: FnMut(usize, &[E])> NullaryFnOnce for Product<'_, E, F> {
         for i in all {
             let range = &rows.pointers[i..i + 2];
             sum.fill(E::default());
-            for at in range[0]..range[1] {
-                let j = rows.columns[at] as usize;
-                let row = &matrix[j * stride..(j + 1) * stride];
-                axpy(rows.values[at], &row[columns.clone()], &mut sum);
-            }
+            let entries = rows.values[range[0]..range[1]].iter();
+            let terms = entries.zip(&rows.columns[range[0]..range[1]]).map(
+                #[inline(always)]
+                |(&value, &j)| (value, &matrix[j as usize * stride..][columns.clone()]),
+            );
+            E::add_rows(&mut sum, terms);
             write(i, &sum);
         }
     }

@@ -62,6 +62,16 @@ impl Panels {
         }
     }
 
+    /// k.
+    pub fn rows(&self) -> usize {
+        self.k
+    }
+
+    /// n.
+    pub fn columns(&self) -> usize {
+        self.n
+    }
+
     /// C = A B or C += A B, for C, m×n with rows `stride` apart, and A, m×k.
     pub fn multiply(&self, c: &mut [f32], stride: usize, a: Layout<'_>, m: usize, accum: Accum) {
         Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum });

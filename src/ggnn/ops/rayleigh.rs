@@ -10,7 +10,7 @@ use std::sync::Arc;
 use dfdx::prelude::*;
 
 use super::real::{Real, axpy, widely};
-use super::{Matrix, Scalar, entries};
+use super::{Matrix, Scalar, lent};
 use crate::ggnn::deflation::Deflation;
 use crate::operators::Sparse;
 use crate::spectrum::pencil::apply;
@@ -81,7 +81,7 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
     member: &Arc<MemberPencil>,
 ) -> Scalar<E, T> {
     let (features, mut tape) = features.split_tape();
-    let predictions = deflated_predictions(&entries(&features), terms, &member.deflation);
+    let predictions = deflated_predictions(&lent(&features), terms, &member.deflation);
     let mut value = 0.0;
     let mut residuals = Vec::with_capacity(terms.len());
     for (u, term) in predictions.iter().zip(&**terms) {
