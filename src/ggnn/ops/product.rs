@@ -4,10 +4,12 @@
 //! in registers while k runs. Every entry of C is one sum over k in its order: its bits do not depend on how the rows of A are
 //! dealt out.
 
+use std::cell::Cell;
 use std::ops::Range;
 
 use faer::Accum;
 use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 
 /// A matrix whose rows or columns lie in one piece each.
 #[derive(Debug, Clone, Copy)]
@@ -74,9 +76,46 @@ impl Panels {
 
     /// C = A B or C += A B, for C, m×n with rows `stride` apart, and A, m×k.
     pub fn multiply(&self, c: &mut [f32], stride: usize, a: Layout<'_>, m: usize, accum: Accum) {
-        Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum });
+        if !DEALT.get() || m * self.n * self.k < WORTH_DEALING {
+            Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum });
+            return;
+        }
+        c.par_chunks_mut(DEALT_ROWS * stride).enumerate().for_each(|(chunk, c)| {
+            let first = chunk * DEALT_ROWS;
+            let m = DEALT_ROWS.min(m.saturating_sub(first));
+            let a = a.from_row(first);
+            Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum });
+        });
     }
 }
+
+impl Layout<'_> {
+    /// The rows from `first` on.
+    fn from_row(self, first: usize) -> Self {
+        match self {
+            Self::Rows(a, stride) => {
+                Self::Rows(a.get(first * stride..).unwrap_or_default(), stride)
+            }
+            Self::Columns(a, stride) => Self::Columns(a.get(first..).unwrap_or_default(), stride),
+        }
+    }
+}
+
+thread_local! {
+    static DEALT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// From now on the larger products of this thread are dealt to all threads: for one that has no others beside it. No bit
+/// depends on it.
+pub fn deal_products() {
+    DEALT.set(true);
+}
+
+/// Rows of C that go to a thread at a time.
+const DEALT_ROWS: usize = 48;
+
+/// Multiplications in a product, below which it is not worth while to wake another thread.
+const WORTH_DEALING: usize = 2_000_000;
 
 /// The given columns of b as a panel.
 fn pack(b: Layout<'_>, columns: Range<usize>, panel: &mut [f32], width: usize) {
@@ -319,6 +358,23 @@ mod tests {
             let mut found = vec![0.0; n];
             panels.multiply(&mut found, n, Layout::Rows(row, k), 1, Accum::Replace);
             assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn products_that_are_dealt_have_the_same_bits() {
+        let (m, k, n) = (211, 130, 90);
+        let (a, b, c) = (rounded(m * k, 1), rounded(k * n, 2), rounded(m * n, 3));
+        let turned = transposed(&a, k);
+        let panels = Panels::of(Layout::Rows(&b, n), k, n);
+        for a in [Layout::Rows(&a, k), Layout::Columns(&turned, m)] {
+            let mut alone = c.clone();
+            panels.multiply(&mut alone, n, a, m, Accum::Add);
+            let mut dealt = c.clone();
+            DEALT.set(true);
+            panels.multiply(&mut dealt, n, a, m, Accum::Add);
+            DEALT.set(false);
+            assert_eq!(alone, dealt);
         }
     }
 
