@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use chladni::ggnn::features::{Normalise, coordinates};
 use chladni::ggnn::network::TrunkShape;
-use chladni::ggnn::ops::real::{gemm, view};
+use chladni::ggnn::ops::real::Real;
 use chladni::ggnn::predict::NetworkInput;
 use chladni::ggnn::recipe::Ritz;
 use chladni::ggnn::sample::{Member, Sample};
@@ -20,7 +20,6 @@ use chladni::operators::{MassKind, Operators};
 use chladni::remesh::{Family, FamilyRecipe};
 use chladni::spectrum::Dense;
 use criterion::{Criterion, criterion_group, criterion_main};
-use faer::Accum;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -120,19 +119,17 @@ fn flops(n: usize) -> f64 {
 fn gemm_rate(n: usize) -> f64 {
     const REPEATS: usize = 100;
     let once = || {
-        let (mut x, mut joined) = (vec![0.1_f32; n * WIDTH], vec![0.1_f32; n * 2 * WIDTH]);
-        let mut matrix = vec![0.1_f32; 2 * WIDTH * WIDTH];
+        let (x, joined) = (vec![0.1_f32; n * WIDTH], vec![0.1_f32; n * 2 * WIDTH]);
+        let (mut next, mut d_joined) = (x.clone(), joined.clone());
+        let mut matrix = vec![0.0_f32; 2 * WIDTH * WIDTH];
+        let forward = f32::pack_transposed(&matrix, WIDTH, 2 * WIDTH);
+        let backward = f32::pack(&matrix, WIDTH, 2 * WIDTH);
         for _ in 0..REPEATS {
-            let m = view(&matrix, WIDTH, 2 * WIDTH);
-            gemm(&mut x, view(&joined, n, 2 * WIDTH), m.transpose(), Accum::Replace);
-            gemm(&mut joined, view(&x, n, WIDTH), m, Accum::Replace);
-            let x = view(&x, n, WIDTH).transpose();
-            gemm(&mut matrix, x, view(&joined, n, 2 * WIDTH), Accum::Replace);
-            // The values do not matter to the time, but must not grow without bound.
-            joined.fill(0.1);
-            matrix.fill(0.1);
+            f32::multiply(&mut next, &joined, n, &forward);
+            f32::multiply(&mut d_joined, &x, n, &backward);
+            f32::add_transposed_product(&mut matrix, &x, &joined, n);
         }
-        black_box(matrix);
+        black_box((next, d_joined, matrix));
     };
     let best = (0..5)
         .map(|_| {

@@ -6,11 +6,11 @@
 
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, Par};
-use pulp::Arch;
 
 use super::deflation::Deflation;
 use super::ops::graph::Graph;
-use super::ops::real::{Real, gemm, view};
+use super::ops::loan::Loan;
+use super::ops::real::{Real, gemm, view, widely};
 use crate::spectrum::Dense;
 use crate::spectrum::rayleigh_ritz::lowest_ridge_pairs;
 
@@ -46,10 +46,11 @@ impl Grams {
     ) {
         let h = self.mass.nrows();
         let deflated = deflated(features, features.len() / h, h, deflation);
-        let mut product = Vec::with_capacity(deflated.len());
+        let mut product = Loan::<f64>::of(deflated.len());
         for (sum, operator) in [(&mut self.stiffness, stiffness), (&mut self.mass, mass)] {
-            product.clear();
-            operator.for_each_row(&deflated, h, |_, row| product.extend_from_slice(row));
+            operator.for_each_row(&deflated, h, |i, row| {
+                product[i * h..(i + 1) * h].copy_from_slice(row);
+            });
             add_gram(sum, &deflated, &product);
         }
     }
@@ -70,11 +71,15 @@ impl Grams {
 }
 
 /// P F in double precision, row-major n×h.
-fn deflated<E: Real>(features: &[E], n: usize, h: usize, deflation: &Deflation) -> Vec<f64> {
-    let mut f = Vec::with_capacity(features.len());
-    Arch::new().dispatch(
+fn deflated<E: Real>(features: &[E], n: usize, h: usize, deflation: &Deflation) -> Loan<f64> {
+    let mut f = Loan::of(features.len());
+    widely(
         #[inline(always)]
-        || f.extend(features.iter().map(|v| v.wide())),
+        || {
+            for (f, v) in f.iter_mut().zip(features) {
+                *f = v.wide();
+            }
+        },
     );
     let k = deflation.phi().ncols();
     let mut overlaps = vec![0.0; k * h];

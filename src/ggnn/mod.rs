@@ -12,12 +12,15 @@
 //! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
 //! - [`paper`]: one block, by recipe `paper`
 //! - [`block`]: what training makes
-//! - [`predict`]: forward passes on any mesh
+//! - [`forward`]: forward passes without a tape, on all threads
+//! - [`orthonormal`]: Gram–Schmidt for many functions at once
+//! - [`predict`]: eigenfunctions on any mesh
 //! - [`model`]: a chain of blocks as a file, and which meshes it fits; [`likeness`]: whether they lie as the trained shape
 
 pub mod block;
 pub mod deflation;
 pub mod features;
+pub mod forward;
 pub mod head;
 pub mod heads;
 pub mod landmarks;
@@ -25,6 +28,7 @@ pub mod likeness;
 pub mod model;
 pub mod network;
 pub mod ops;
+pub mod orthonormal;
 pub mod paper;
 pub mod predict;
 pub mod recipe;

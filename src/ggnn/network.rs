@@ -54,6 +54,11 @@ impl Layer {
     /// In the order of their codes in a stored block.
     pub const ALL: [Self; 4] = [Self::Sggc, Self::Gcn, Self::Gat, Self::Pointwise];
 
+    /// Whether a vertex reads what its neighbours hold.
+    pub fn has_neighbours(self) -> bool {
+        self != Self::Pointwise
+    }
+
     /// Rows and columns of its weights for h features: w₁ and w₂ of (29); w of GCN; w and a of GAT; w₁ alone.
     fn weight_sizes(self, h: usize) -> Vec<(usize, usize)> {
         match self {

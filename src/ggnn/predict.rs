@@ -9,12 +9,15 @@ use rayon::prelude::*;
 
 use super::block::Block;
 use super::deflation::Deflation;
+use super::forward::Forward;
 use super::ops::entries;
 use super::ops::graph::Graph;
-use crate::operators::Sparse;
+use super::orthonormal::orthonormalise;
+use crate::mesh::TriMesh;
+use crate::operators::{Pattern, Sparse};
 use crate::spectrum::Dense;
 use crate::spectrum::eigenpairs::{normalise, orient};
-use crate::spectrum::pencil::{InnerProduct, column_mut};
+use crate::spectrum::pencil::{InnerProduct, column_mut, columns_mut};
 
 /// What the network reads of one mesh.
 #[derive(Debug, Clone)]
@@ -32,10 +35,25 @@ pub struct NetworkInput {
 impl NetworkInput {
     /// Features (row-major n×d, double precision) and adjacency of a mesh.
     pub fn new(features: &[f64], adjacency: &Sparse) -> Self {
+        Self::of_graph(features, Graph::new(adjacency))
+    }
+
+    /// What `blocks` read of a mesh with these features: no adjacency, where they have no layer with neighbours.
+    pub fn read_by(blocks: &[&Block], features: &[f64], mesh: &TriMesh) -> Self {
+        let neighbours = blocks.iter().any(|block| block.shape.layer.has_neighbours());
+        let graph = if neighbours {
+            Graph::of_edges(&Pattern::of_mesh(mesh))
+        } else {
+            Graph::empty(mesh.n())
+        };
+        Self::of_graph(features, graph)
+    }
+
+    fn of_graph(features: &[f64], graph: Graph<f32>) -> Self {
         Self {
             features: features.iter().map(|&x| x as f32).collect(),
-            graph: Arc::new(Graph::new(adjacency)),
-            inputs: features.len() / adjacency.rows().max(1),
+            inputs: features.len() / graph.n().max(1),
+            graph: Arc::new(graph),
             fixed: Vec::new(),
         }
     }
@@ -64,8 +82,10 @@ pub fn predict_next(
     mass: &impl InnerProduct,
     earlier: &Dense,
 ) -> Vec<f64> {
-    let outputs = forward(&[block], input).remove(0);
-    settled(outputs, &input.fixed, mass, earlier)
+    let mut outputs = forward(&[block], input);
+    input.fixed.iter().for_each(|&i| outputs[i as usize] = 0.0);
+    settle(&mut outputs, mass, earlier);
+    outputs
 }
 
 /// All eigenfunctions on a mesh: the `known` ones (constants, n×c), then one for every block. n×(c + blocks).
@@ -84,34 +104,66 @@ pub fn predict_all(
     // Heads of one trunk share its forward pass.
     let trunks: Vec<&[&Block]> = blocks.chunk_by(|a, b| a.shares_trunk(b)).collect();
     for together in trunks.chunks(at_once(blocks, input.n())) {
-        let outputs: Vec<Vec<Vec<f64>>> =
+        let outputs: Vec<Vec<f64>> =
             together.par_iter().map(|heads| forward(heads, input)).collect();
-        for u in outputs.into_iter().flatten() {
-            let u = settled(u, &input.fixed, mass, &phi.subcols(0, k).to_owned());
-            column_mut(&mut phi, k).copy_from_slice(&u);
-            k += 1;
+        for (heads, outputs) in together.iter().zip(outputs) {
+            write_columns(&outputs, heads.len(), columns_mut(&mut phi).skip(k));
+            k += heads.len();
         }
     }
+    for column in columns_mut(&mut phi).skip(c) {
+        input.fixed.iter().for_each(|&i| column[i as usize] = 0.0);
+    }
+    settle_all(&mut phi, c, mass);
     phi
 }
 
-/// What a forward pass and the heads of a trunk make of a mesh, n each.
-fn forward(blocks: &[&Block], input: &NetworkInput) -> Vec<Vec<f64>> {
+/// What a forward pass and m heads of a trunk make of a mesh, row-major n×m.
+fn forward(blocks: &[&Block], input: &NetworkInput) -> Vec<f64> {
+    if let Some(passes) = Forward::of(blocks) {
+        return passes.run(input);
+    }
     let Some(first) = blocks.first() else { return vec![] };
-    let features = first.trunk().forward(input.tensor(&Cpu::default()), &input.graph);
-    let features = entries(&features);
-    blocks.iter().map(|block| block.decode(&features)).collect()
+    let features = entries(&first.trunk().forward(input.tensor(&Cpu::default()), &input.graph));
+    let functions: Vec<Vec<f64>> = blocks.iter().map(|block| block.decode(&features)).collect();
+    (0..input.n()).flat_map(|i| functions.iter().map(move |u| u[i])).collect()
 }
 
-/// P u with zeros at the vertices `fixed`, scaled to unit B-norm, its sign fixed.
+/// Rows that are written at a time, so that they are read from memory once.
+const ROWS: usize = 512;
+
+/// Writes row-major functions, n×m, to `columns`.
+fn write_columns<'a>(functions: &[f64], m: usize, columns: impl Iterator<Item = &'a mut [f64]>) {
+    let mut columns: Vec<&mut [f64]> = columns.take(m).collect();
+    for (chunk, rows) in functions.chunks(ROWS * m.max(1)).enumerate() {
+        for (j, column) in columns.iter_mut().enumerate() {
+            let values = rows.iter().skip(j).step_by(m);
+            column[chunk * ROWS..].iter_mut().zip(values).for_each(|(to, &from)| *to = from);
+        }
+    }
+}
+
+/// Deflates every function from the one numbered `first` on against all before it, scales it to unit B-norm, fixes its
+/// sign.
 ///
-/// Since u and all earlier functions vanish there, B need not know of these vertices: only its inner block counts.
-fn settled(mut u: Vec<f64>, fixed: &[u32], mass: &impl InnerProduct, earlier: &Dense) -> Vec<f64> {
-    fixed.iter().for_each(|&i| u[i as usize] = 0.0);
-    Deflation::new(mass, earlier.clone()).apply(&mut u);
-    normalise(&mut u, mass);
-    orient(&mut u);
-    u
+/// Since all functions vanish at fixed vertices, B need not know of these: only its inner block counts.
+fn settle_all(phi: &mut Dense, first: usize, mass: &impl InnerProduct) {
+    if orthonormalise(phi, first, mass).is_some() {
+        let columns: Vec<&mut [f64]> = columns_mut(phi).skip(first).collect();
+        columns.into_par_iter().for_each(orient);
+        return;
+    }
+    for k in first..phi.ncols() {
+        let earlier = phi.subcols(0, k).to_owned();
+        settle(column_mut(phi, k), mass, &earlier);
+    }
+}
+
+/// u ← P u, scaled to unit B-norm, its sign fixed.
+fn settle(u: &mut [f64], mass: &impl InnerProduct, earlier: &Dense) {
+    Deflation::new(mass, earlier.clone()).apply(u);
+    normalise(u, mass);
+    orient(u);
 }
 
 /// What forward passes may hold at once, bytes: on a machine of many threads a large mesh would fill its memory.

@@ -3,7 +3,7 @@
 //! A tape cannot leave its thread, and a step has two halves with a decision between them (the head is solved on
 //! the Gram matrices of the whole batch), so every shard keeps its tapes and waits. Member i of a batch goes to
 //! shard i modulo their number, so that they share evenly. Sums run over the members of a shard in order, then over
-//! the shards in order: the bits depend on the number of shards alone.
+//! the shards in order: the bits depend on the number of shards alone. A lone shard deals its products to all threads.
 
 use std::sync::Arc;
 
@@ -12,9 +12,10 @@ use dfdx::prelude::*;
 
 use super::head::{Grams, Head};
 use super::network::{Prepared, Trunk};
+use super::ops::product::deal_products;
 use super::ops::rayleigh::{Term, rayleigh};
 use super::ops::real::add;
-use super::ops::{Matrix, entries};
+use super::ops::{Matrix, lent};
 use super::sample::Sample;
 
 /// The shards of one training, as its coordinator sees them.
@@ -45,7 +46,12 @@ impl Shards {
                     let (orders, inbox) = bounded(1);
                     let (grams_out, grams) = bounded(1);
                     let (gradients_out, gradients) = bounded(1);
-                    scope.spawn(move || serve(samples, &inbox, &grams_out, &gradients_out));
+                    scope.spawn(move || {
+                        if count == 1 {
+                            deal_products();
+                        }
+                        serve(samples, &inbox, &grams_out, &gradients_out);
+                    });
                     Shard { orders, grams, gradients }
                 })
                 .collect();
@@ -154,7 +160,7 @@ fn forward(
     let x = sample.input.tensor(device).put_tape(OwnedTape::default());
     let features = trunk.forward_with(layers, x, &sample.input.graph);
     let (stiffness, mass) = (&sample.stiffness, &sample.mass);
-    sum.include(&entries(&features), stiffness, mass, &sample.pencil.deflation);
+    sum.include(&lent(&features), stiffness, mass, &sample.pencil.deflation);
     features
 }
 

@@ -3,6 +3,8 @@
 //! Stiffness and every mass follow from these alone, wherever they come from. The squared length of the side
 //! opposite to the angle α is 2|τ|(cot β + cot γ).
 
+use rayon::prelude::*;
+
 use super::OperatorError;
 use crate::mesh::TriMesh;
 use crate::mesh::trimesh::{cross, dot, norm, sub, triangle_area};
@@ -24,15 +26,13 @@ impl Triangle {
     /// # Errors
     /// [`OperatorError::Degenerate`] for a face whose angles double precision cannot tell.
     pub fn of_mesh(mesh: &TriMesh) -> Result<Vec<Self>, OperatorError> {
-        let triangles = mesh.faces().iter().enumerate().map(|(face, &vertices)| {
-            let triangle = Self::at(vertices, mesh.corners(vertices));
-            if triangle.is_sound() {
-                Ok(triangle)
-            } else {
-                Err(OperatorError::Degenerate { face, vertices })
-            }
-        });
-        triangles.collect()
+        let faces = mesh.faces().par_iter();
+        let triangles: Vec<Self> =
+            faces.map(|&vertices| Self::at(vertices, mesh.corners(vertices))).collect();
+        match triangles.iter().position(|triangle| !triangle.is_sound()) {
+            Some(face) => Err(OperatorError::Degenerate { face, vertices: mesh.faces()[face] }),
+            None => Ok(triangles),
+        }
     }
 
     /// The triangle whose side i, from corner i to the next, has `lengths[i]`. Angles and area are as accurate as the

@@ -5,12 +5,14 @@
 //! |τ|/12 (Σ uᵢvᵢ + Σ uᵢ Σ vᵢ). All functions of a set are taken in one pass. The terms are dealt to a fixed number of
 //! pieces, and the pieces' sums are added in their order: the bits do not depend on the number of threads.
 
+use std::ops::Range;
+
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatRef, Par};
 use rayon::prelude::*;
 
 use super::Dense;
-use super::pencil::InnerProduct;
+use super::pencil::{InnerProduct, column};
 use crate::mesh::TriMesh;
 use crate::operators::assembly::triangles;
 use crate::operators::mass::{lumped_areas, voronoi_areas};
@@ -89,18 +91,20 @@ impl TrianglePencil {
 
     /// The Rayleigh quotient (13) of every column of `phi`, n×k, in 1/(input unit)².
     pub fn rayleigh_quotients(&self, phi: &Dense) -> Vec<f64> {
-        let k = phi.ncols();
         let rows = by_rows(phi);
-        let squares = |terms: &[Term], sums: &mut Vec<f64>| {
-            sums.resize(k, 0.0);
-            let mut combined = vec![0.0; k];
-            for term in terms {
-                combine(term, &rows, &mut combined);
-                sums.iter_mut().zip(&combined).for_each(|(sum, c)| *sum += term.weight * c * c);
-            }
+        let energies = in_pieces(self.triangles.len(), rows.k, |range, sums| {
+            self.triangles[range].iter().for_each(|triangle| add_energies(triangle, &rows, sums));
+        });
+        let masses = match &self.mass {
+            Mass::Diagonal(areas) => in_pieces(areas.len(), rows.k, |range, sums| {
+                for (&area, row) in areas[range.clone()].iter().zip(rows.of(range)) {
+                    sums.iter_mut().zip(row).for_each(|(sum, u)| *sum += area * (u * u));
+                }
+            }),
+            Mass::Consistent => in_pieces(self.triangles.len(), rows.k, |range, sums| {
+                self.triangles[range].iter().for_each(|triangle| add_masses(triangle, &rows, sums));
+            }),
         };
-        let energies = sum(self.stiffness_terms(), squares);
-        let masses = sum(self.mass_terms(), squares);
         energies.iter().zip(masses).map(|(energy, mass)| energy / mass).collect()
     }
 
@@ -202,10 +206,65 @@ struct Rows {
     values: Vec<f64>,
 }
 
+impl Rows {
+    /// The rows of some vertices.
+    fn of(&self, vertices: Range<usize>) -> impl Iterator<Item = &[f64]> {
+        self.values[vertices.start * self.k..vertices.end * self.k].chunks_exact(self.k.max(1))
+    }
+
+    /// The rows of the corners of a triangle.
+    fn at(&self, triangle: &Triangle) -> [&[f64]; 3] {
+        triangle.vertices.map(|vertex| &self.values[vertex as usize * self.k..][..self.k])
+    }
+}
+
 fn by_rows(phi: &Dense) -> Rows {
     let k = phi.ncols();
-    let values = (0..phi.nrows()).flat_map(|i| (0..k).map(move |j| phi[(i, j)])).collect();
+    let mut values = vec![0.0; phi.nrows() * k];
+    values.par_chunks_mut(CHUNK * k.max(1)).enumerate().for_each(|(chunk, rows)| {
+        for j in 0..k {
+            let column = &column(phi, j)[chunk * CHUNK..];
+            let places = rows.iter_mut().skip(j).step_by(k);
+            places.zip(column).for_each(|(to, &from)| *to = from);
+        }
+    });
     Rows { k, values }
+}
+
+/// Adds uᵀLu of one triangle for every function u.
+#[inline(always)]
+fn add_energies(triangle: &Triangle, rows: &Rows, sums: &mut [f64]) {
+    let [p, q, r] = triangle.cotangents.map(|cotangent| 0.5 * cotangent);
+    let [a, b, c] = rows.at(triangle);
+    for (sum, (a, (b, c))) in sums.iter_mut().zip(a.iter().zip(b.iter().zip(c))) {
+        let (x, y, z) = (b - c, c - a, a - b);
+        *sum += p * (x * x) + q * (y * y) + r * (z * z);
+    }
+}
+
+/// Adds uᵀBu of one triangle for every function u, with the consistent mass.
+#[inline(always)]
+fn add_masses(triangle: &Triangle, rows: &Rows, sums: &mut [f64]) {
+    let weight = triangle.area / 12.0;
+    let [a, b, c] = rows.at(triangle);
+    for (sum, (a, (b, c))) in sums.iter_mut().zip(a.iter().zip(b.iter().zip(c))) {
+        let all = a + b + c;
+        *sum += weight * (a * a + b * b + c * c + all * all);
+    }
+}
+
+/// Adds up what `add` makes of `count` terms, for k functions.
+fn in_pieces(count: usize, k: usize, add: impl Fn(Range<usize>, &mut [f64]) + Sync) -> Vec<f64> {
+    let piece = |number: usize| {
+        let mut sums = vec![0.0; k];
+        add(number * count / PIECES..(number + 1) * count / PIECES, &mut sums);
+        sums
+    };
+    let pieces: Vec<Vec<f64>> = (0..PIECES).into_par_iter().map(piece).collect();
+    pieces.into_iter().fold(vec![0.0; k], |mut all, sums| {
+        all.iter_mut().zip(sums).for_each(|(all, sum)| *all += sum);
+        all
+    })
 }
 
 /// Σ cᵢuᵢ for every function u.

@@ -1,6 +1,7 @@
 //! The pair (L, B) of the generalised eigenproblem (8), and its products with blocks of vectors.
 
 use faer::{Accum, Par, linalg::matmul::matmul};
+use rayon::prelude::*;
 
 use super::Dense;
 use crate::operators::{Operators, Sparse};
@@ -15,7 +16,7 @@ pub struct Pencil<'a> {
 }
 
 /// A symmetric positive definite B, n×n, known by what it does to a function: a matrix, or a sum over triangles.
-pub trait InnerProduct {
+pub trait InnerProduct: Sync {
     /// y = B x.
     fn apply(&self, x: &[f64], y: &mut [f64]);
 
@@ -25,9 +26,8 @@ pub trait InnerProduct {
     /// B X for a block of columns.
     fn product(&self, x: &Dense) -> Dense {
         let mut y = Dense::zeros(x.nrows(), x.ncols());
-        for j in 0..x.ncols() {
-            self.apply(column(x, j), column_mut(&mut y, j));
-        }
+        let columns: Vec<&mut [f64]> = columns_mut(&mut y).collect();
+        columns.into_par_iter().enumerate().for_each(|(j, y)| self.apply(column(x, j), y));
         y
     }
 }

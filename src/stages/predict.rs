@@ -18,7 +18,6 @@ use crate::ggnn::predict::{NetworkInput, predict_all};
 use crate::ggnn::{Block, Model};
 use crate::mesh::TriMesh;
 use crate::mesh::topology::component_labels;
-use crate::operators::{Pattern, adjacency::adjacency};
 use crate::spectrum::nullspace::free_nullspace;
 use crate::spectrum::pencil::{InnerProduct, inner};
 use crate::spectrum::{Dense, TrianglePencil};
@@ -123,8 +122,7 @@ fn forward(
     let zeros = free_nullspace(&component_labels(mesh), fixed, pencil);
     let known = zeros.ncols().min(k);
     let features = model.description.features.read_anywhere(mesh);
-    let input = NetworkInput::new(&features, &adjacency(&Pattern::of_mesh(mesh)));
-    let input = input.with_zeros_at(fixed);
     let blocks: Vec<&Block> = model.blocks.iter().take(k - known).collect();
+    let input = NetworkInput::read_by(&blocks, &features, mesh).with_zeros_at(fixed);
     predict_all(&zeros.subcols(0, known).to_owned(), &blocks, &input, pencil)
 }

@@ -1,9 +1,9 @@
 //! The functions between layers: sin as in (28) and (29), and the two that the paper's Table 2 compares it with.
 
-use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
-use super::real::Real;
+use super::loan::Loan;
+use super::real::{Real, sin_in_place, widely};
 
 /// A function that is applied to every entry, in the encoder and in every layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -24,7 +24,8 @@ impl Activation {
 
     /// The values σ(x) and the slopes σ′(x) of all entries.
     pub fn apply<E: Real>(self, x: &[E]) -> Activated<E> {
-        let (mut values, mut slopes) = (vec![E::default(); x.len()], vec![E::default(); x.len()]);
+        // Values are given away to a tensor, slopes come back after the backward pass.
+        let (mut values, mut slopes) = (vec![E::default(); x.len()], Loan::of(x.len()));
         match self {
             Self::Sin => E::sin_cos_all(x, &mut values, &mut slopes),
             Self::Tanh => tanh_all(x, &mut values, &mut slopes),
@@ -32,15 +33,24 @@ impl Activation {
         }
         Activated { values, slopes }
     }
+
+    /// x ← σ(x) for every entry: the values of [`Self::apply`].
+    pub fn in_place(self, x: &mut [f32]) {
+        match self {
+            Self::Sin => sin_in_place(x),
+            Self::Tanh => x.iter_mut().for_each(|x| *x = x.tanh()),
+            Self::Relu => x.iter_mut().for_each(|x| *x = if *x <= 0.0 { 0.0 } else { *x }),
+        }
+    }
 }
 
 /// What an activation makes of some entries.
 #[derive(Debug)]
-pub struct Activated<E> {
+pub struct Activated<E: Real> {
     /// σ(x).
     pub values: Vec<E>,
     /// σ′(x).
-    pub slopes: Vec<E>,
+    pub slopes: Loan<E>,
 }
 
 /// tanh′ = 1 − tanh².
@@ -54,7 +64,7 @@ fn tanh_all<E: Real>(x: &[E], values: &mut [E], slopes: &mut [E]) {
 
 fn relu_all<E: Real>(x: &[E], values: &mut [E], slopes: &mut [E]) {
     let (zero, one) = (E::default(), E::round(1.0));
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || {
             for (&x, (value, slope)) in x.iter().zip(values.iter_mut().zip(slopes.iter_mut())) {
@@ -83,6 +93,16 @@ mod tests {
                 let difference = (up[i] - down[i]) / (2.0 * step);
                 assert!((slope - difference).abs() < 1e-9, "{activation:?} at {}", x[i]);
             }
+        }
+    }
+
+    #[test]
+    fn values_in_place_are_the_same_values() {
+        let x: Vec<f32> = (-400..400).map(|i| 0.03 * i as f32).collect();
+        for activation in Activation::ALL {
+            let mut found = x.clone();
+            activation.in_place(&mut found);
+            assert_eq!(found, activation.apply(&x).values, "{activation:?}");
         }
     }
 

@@ -3,6 +3,7 @@
 use dfdx::prelude::*;
 
 use super::activation::{Activated, Activation};
+use super::loan::Loan;
 use super::real::{Real, add, gemm, multiply, view};
 use super::{Matrix, entries};
 
@@ -17,8 +18,8 @@ pub fn encode<E: Real, T: Tape<E, Cpu>>(
     let &(n, d) = x.shape();
     let &(h, _) = w.shape();
     let (xs, ws, bs) = (entries(&x), entries(w), entries(b));
-    let mut phase = Vec::with_capacity(n * h);
-    (0..n).for_each(|_| phase.extend_from_slice(&bs));
+    let mut phase = Loan::of(n * h);
+    phase.chunks_exact_mut(h).for_each(|row| row.copy_from_slice(&bs));
     gemm(&mut phase, view(&xs, n, d), view(&ws, h, d).transpose(), faer::Accum::Add);
     let Activated { values, slopes } = activation.apply(&phase);
     let out = x.device().tensor_from_vec(values, (n, h));

@@ -12,11 +12,10 @@ use std::sync::Arc;
 
 use dfdx::prelude::*;
 use faer::Accum;
-use pulp::Arch;
 
 use super::activation::{Activated, Activation};
 use super::graph::Graph;
-use super::real::{Real, axpy, gemm, multiply, view};
+use super::real::{Real, axpy, gemm, multiply, view, widely};
 use super::{Matrix, entries};
 
 /// LeakyReLU's slope below zero.
@@ -88,7 +87,7 @@ impl<E: Real> Attention<E> {
     fn averages(&self, z: &[E], graph: &Graph<E>, h: usize) -> Vec<E> {
         let mut averages = vec![E::default(); z.len()];
         let mut shares = self.shares.iter();
-        Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || {
                 for (i, average) in averages.chunks_exact_mut(h).enumerate() {
@@ -107,7 +106,7 @@ impl<E: Real> Attention<E> {
         let (mut dz, mut st) = (vec![E::default(); n * h], vec![E::default(); 2 * n]);
         let mut d_shares = Vec::new();
         let mut at = 0;
-        Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || {
                 for (i, g) in g.chunks_exact(h).enumerate() {

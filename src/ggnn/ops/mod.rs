@@ -4,6 +4,8 @@
 //! traced input, computes in one pass, and pushes one backward closure.
 //!
 //! - [`real`]: the scalar types, dense products, sine and cosine in bulk
+//! - [`product`]: products of single precision with a matrix that is packed once
+//! - [`loan`]: buffers that one step leaves to the next
 //! - [`graph`]: sparse times dense
 //! - [`activation`]: the functions between layers
 //! - [`encoder`]: ENC of (28)
@@ -20,8 +22,10 @@ pub mod encoder;
 pub mod gat;
 pub mod gcn;
 pub mod graph;
+pub mod loan;
 pub mod losses;
 pub mod pointwise;
+pub mod product;
 pub mod rayleigh;
 pub mod real;
 pub mod sggc;
@@ -47,6 +51,13 @@ pub type Scalar<E, T = dfdx::tensor::NoneTape> = Tensor<(), E, Cpu, T>;
 /// here makes one: every operation ends in `tensor_from_vec`.
 pub fn entries<S: Shape, E: Real, T>(x: &Tensor<S, E, Cpu, T>) -> Vec<E> {
     let mut entries = vec![E::default(); x.shape().num_elements()];
+    x.copy_into(&mut entries);
+    entries
+}
+
+/// [`entries`] in a buffer that comes back.
+pub fn lent<S: Shape, E: Real, T>(x: &Tensor<S, E, Cpu, T>) -> loan::Loan<E> {
+    let mut entries = loan::Loan::of(x.shape().num_elements());
     x.copy_into(&mut entries);
     entries
 }

@@ -9,18 +9,18 @@
 use std::sync::Arc;
 
 use dfdx::prelude::*;
-use faer::Accum;
 
 use super::activation::{Activated, Activation};
-use super::real::{Real, add, gemm, multiply, view};
-use super::{Matrix, entries};
+use super::loan::Loan;
+use super::real::{Real, add, multiply};
+use super::{Matrix, entries, lent};
 
 /// The weights of one layer in the form its products want, made once for many forward passes.
 #[derive(Debug, Clone)]
 pub struct Remaining<E: Real> {
     w1: Matrix<E>,
-    /// I − w₁, h×h.
-    matrix: Arc<Vec<E>>,
+    /// I − w₁ᵀ and I − w₁, h×h, for the ways forward and backward.
+    matrices: Arc<[E::Packed; 2]>,
 }
 
 impl<E: Real> Remaining<E> {
@@ -29,7 +29,8 @@ impl<E: Real> Remaining<E> {
         let &(h, _) = w1.shape();
         let mut matrix: Vec<E> = entries(w1).into_iter().map(|w| -w).collect();
         (0..h).for_each(|i| matrix[i * h + i] += E::round(1.0));
-        Self { w1: w1.clone(), matrix: Arc::new(matrix) }
+        let matrices = [E::pack_transposed(&matrix, h, h), E::pack(&matrix, h, h)];
+        Self { w1: w1.clone(), matrices: Arc::new(matrices) }
     }
 }
 
@@ -42,13 +43,12 @@ pub fn pointwise<E: Real, T: Tape<E, Cpu>>(
 ) -> Matrix<E, T> {
     let (x, mut tape) = x.split_tape();
     let &(n, h) = x.shape();
-    let mut state = entries(&x);
+    let mut state = lent(&x);
     // x^i of every iteration, for the backward pass.
     let mut inputs = Vec::with_capacity(if T::OWNS_TAPE { iterations } else { 0 });
     for _ in 0..iterations {
-        let mut next = vec![E::default(); n * h];
-        let matrix = view(&weights.matrix, h, h);
-        gemm(&mut next, view(&state, n, h), matrix.transpose(), Accum::Replace);
+        let mut next = Loan::of(n * h);
+        E::multiply(&mut next, &state, n, &weights.matrices[0]);
         let input = std::mem::replace(&mut state, next);
         if T::OWNS_TAPE {
             inputs.push(input);
@@ -57,16 +57,16 @@ pub fn pointwise<E: Real, T: Tape<E, Cpu>>(
     let Activated { values, slopes } = activation.apply(&state);
     let out = x.device().tensor_from_vec(values, (n, h));
     let (out_ghost, x_ghost, w1_ghost) = (out.ghost(), x.ghost(), weights.w1.ghost());
-    let matrix = weights.matrix.clone();
+    let matrices = weights.matrices.clone();
     tape.add_backward_op(move |grads| {
-        let mut gradient = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
+        let mut gradient = Loan::of(n * h);
+        gradient.copy_from_slice(grads.get_or_alloc_mut(&out_ghost)?);
         multiply(&slopes, &mut gradient);
         let mut d_matrix = vec![E::default(); h * h];
         for input in inputs.iter().rev() {
-            let p = view(&gradient, n, h);
-            gemm(&mut d_matrix, p.transpose(), view(input, n, h), Accum::Add);
-            let mut d_input = vec![E::default(); n * h];
-            gemm(&mut d_input, p, view(&matrix, h, h), Accum::Replace);
+            E::add_transposed_product(&mut d_matrix, &gradient, input, n);
+            let mut d_input = Loan::of(n * h);
+            E::multiply(&mut d_input, &gradient, n, &matrices[1]);
             gradient = d_input;
         }
         d_matrix.iter_mut().for_each(|d| *d = -*d);

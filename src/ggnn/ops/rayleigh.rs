@@ -8,10 +8,9 @@
 use std::sync::Arc;
 
 use dfdx::prelude::*;
-use pulp::Arch;
 
-use super::real::{Real, axpy};
-use super::{Matrix, Scalar, entries};
+use super::real::{Real, axpy, widely};
+use super::{Matrix, Scalar, lent};
 use crate::ggnn::deflation::Deflation;
 use crate::operators::Sparse;
 use crate::spectrum::pencil::apply;
@@ -57,7 +56,7 @@ fn deflated_predictions<E: Real>(
     let mut weights = Vec::with_capacity(h * heads);
     (0..h).for_each(|j| weights.extend(terms.iter().map(|term| term.head[j])));
     let mut rows = vec![0.0; features.len() / h * heads];
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || {
             for (row, features) in rows.chunks_exact_mut(heads).zip(features.chunks_exact(h)) {
@@ -82,7 +81,7 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
     member: &Arc<MemberPencil>,
 ) -> Scalar<E, T> {
     let (features, mut tape) = features.split_tape();
-    let predictions = deflated_predictions(&entries(&features), terms, &member.deflation);
+    let predictions = deflated_predictions(&lent(&features), terms, &member.deflation);
     let mut value = 0.0;
     let mut residuals = Vec::with_capacity(terms.len());
     for (u, term) in predictions.iter().zip(&**terms) {
@@ -103,7 +102,7 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
             member.deflation.apply_transposed(residual);
             let scale = 2.0 * outer * term.weight;
             let weights: Vec<E> = term.head.iter().map(|&w| E::round(w)).collect();
-            Arch::new().dispatch(
+            widely(
                 #[inline(always)]
                 || {
                     for (row, r) in d_features.chunks_exact_mut(weights.len()).zip(&*residual) {

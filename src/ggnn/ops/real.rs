@@ -1,9 +1,14 @@
 //! The two scalar types of the network, and the dense kernels that both need.
 
+use std::cell::RefCell;
+
 use dfdx::dtypes::Dtype;
 use faer::linalg::matmul::matmul_with_conj;
 use faer::{Accum, Conj, MatMut, MatRef, Par};
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
+
+use super::loan::Shelf;
+use super::product::{Layout, Panels};
 
 /// `f32`, which trains and predicts, or `f64`, which checks it.
 pub trait Real: Dtype + faer::traits::RealField {
@@ -15,9 +20,31 @@ pub trait Real: Dtype + faer::traits::RealField {
     fn tanh(self) -> Self;
     /// sin and cos of every entry of `x`. All slices have the same length.
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]);
+
+    /// The buffers that this thread has at hand.
+    fn shelf() -> &'static Shelf<Self>;
+
+    /// A matrix B in the form that [`Self::multiply`] wants.
+    type Packed: Clone + std::fmt::Debug + Send + Sync;
+    /// B = bᵀ for row-major b, n×k, for many products.
+    fn pack_transposed(b: &[Self], n: usize, k: usize) -> Self::Packed;
+    /// B = b for row-major b, k×n, for many products.
+    fn pack(b: &[Self], k: usize, n: usize) -> Self::Packed;
+    /// dst = A B for row-major a, m×k, and dst, m×n.
+    fn multiply(dst: &mut [Self], a: &[Self], m: usize, b: &Self::Packed);
+    /// dst += aᵀ b for row-major a, n×p, b, n×q, and dst, p×q.
+    fn add_transposed_product(dst: &mut [Self], a: &[Self], b: &[Self], n: usize);
+    /// sum += Σ value · row, rows as long as the sum.
+    fn add_rows<'a>(sum: &mut [Self], rows: impl Iterator<Item = (Self, &'a [Self])> + Clone)
+    where
+        Self: 'a;
 }
 
 impl Real for f64 {
+    fn shelf() -> &'static Shelf<Self> {
+        thread_local!(static SHELF: RefCell<Vec<Vec<f64>>> = RefCell::default());
+        &SHELF
+    }
     fn round(x: f64) -> Self {
         x
     }
@@ -32,9 +59,36 @@ impl Real for f64 {
             (*sin, *cos) = x.sin_cos();
         }
     }
+
+    /// Row-major, and its sizes.
+    type Packed = (Vec<f64>, usize, usize);
+    fn pack_transposed(b: &[f64], n: usize, k: usize) -> Self::Packed {
+        let column = |j: usize| b.iter().skip(j).step_by(k).copied();
+        ((0..k).flat_map(column).collect(), k, n)
+    }
+    fn pack(b: &[f64], k: usize, n: usize) -> Self::Packed {
+        (b.to_vec(), k, n)
+    }
+    fn multiply(dst: &mut [f64], a: &[f64], m: usize, (b, k, n): &Self::Packed) {
+        gemm(dst, view(a, m, *k), view(b, *k, *n), Accum::Replace);
+    }
+    fn add_transposed_product(dst: &mut [f64], a: &[f64], b: &[f64], n: usize) {
+        let [a, b] = [a, b].map(|x| view(x, n, x.len() / n.max(1)));
+        gemm(dst, a.transpose(), b, Accum::Add);
+    }
+    #[inline(always)]
+    fn add_rows<'a>(sum: &mut [f64], rows: impl Iterator<Item = (f64, &'a [f64])> + Clone) {
+        for (value, row) in rows {
+            axpy(value, row, sum);
+        }
+    }
 }
 
 impl Real for f32 {
+    fn shelf() -> &'static Shelf<Self> {
+        thread_local!(static SHELF: RefCell<Vec<Vec<f32>>> = RefCell::default());
+        &SHELF
+    }
     fn round(x: f64) -> Self {
         x as f32
     }
@@ -45,11 +99,74 @@ impl Real for f32 {
         f32::tanh(self)
     }
     fn sin_cos_all(x: &[Self], sin: &mut [Self], cos: &mut [Self]) {
-        Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || sin_cos_f32(x, sin, cos),
         );
     }
+
+    type Packed = Panels;
+    fn pack_transposed(b: &[f32], n: usize, k: usize) -> Panels {
+        Panels::of(Layout::Columns(b, k), k, n)
+    }
+    fn pack(b: &[f32], k: usize, n: usize) -> Panels {
+        Panels::of(Layout::Rows(b, n), k, n)
+    }
+    fn multiply(dst: &mut [f32], a: &[f32], m: usize, b: &Panels) {
+        b.multiply(dst, b.columns(), Layout::Rows(a, b.rows()), m, Accum::Replace);
+    }
+    fn add_transposed_product(dst: &mut [f32], a: &[f32], b: &[f32], n: usize) {
+        let [p, q] = [a, b].map(|x| x.len() / n.max(1));
+        PANELS.with_borrow_mut(|panels| {
+            panels.pack(Layout::Rows(b, q), n, q);
+            panels.multiply(dst, q, Layout::Columns(a, p), p, Accum::Add);
+        });
+    }
+    #[inline(always)]
+    fn add_rows<'a>(sum: &mut [f32], rows: impl Iterator<Item = (f32, &'a [f32])> + Clone) {
+        // So many at a time stay in registers while all rows pass.
+        const BLOCK: usize = 64;
+        let (blocks, rest) = sum.as_chunks_mut::<BLOCK>();
+        let first = blocks.len() * BLOCK;
+        for (at, block) in blocks.iter_mut().enumerate() {
+            let mut sums = *block;
+            for (value, row) in rows.clone() {
+                if let Some(row) = row[at * BLOCK..].first_chunk::<BLOCK>() {
+                    for i in 0..BLOCK {
+                        sums[i] += value * row[i];
+                    }
+                }
+            }
+            *block = sums;
+        }
+        for (value, row) in rows {
+            axpy(value, &row[first..], rest);
+        }
+    }
+}
+
+thread_local! {
+    /// The factor of the last product of a thread with a matrix that is used once.
+    static PANELS: RefCell<Panels> = RefCell::default();
+}
+
+/// Does `work` in registers as wide as the machine has.
+///
+/// As `FnMut`: what pulp makes of a closure goes through a shim that is called, not inlined, and stays narrow. The closure
+/// wants `#[inline(always)]` all the same.
+pub fn widely(work: impl FnMut()) {
+    struct Widely<F>(F);
+
+    impl<F: FnMut()> NullaryFnOnce for Widely<F> {
+        type Output = ();
+
+        #[inline(always)]
+        fn call(mut self) {
+            (self.0)();
+        }
+    }
+
+    Arch::new().dispatch(Widely(work));
 }
 
 /// dst = a·b, or dst += a·b, on one thread. `dst` is row-major; `a` and `b` may be transposed views.
@@ -73,7 +190,7 @@ pub fn axpy<E: Real>(a: E, x: &[E], y: &mut [E]) {
 
 /// y += x.
 pub fn add<E: Real>(x: &[E], y: &mut [E]) {
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, &x)| *y += x),
     );
@@ -81,7 +198,7 @@ pub fn add<E: Real>(x: &[E], y: &mut [E]) {
 
 /// y ← y ∘ x, entry by entry.
 pub fn multiply<E: Real>(x: &[E], y: &mut [E]) {
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, &x)| *y *= x),
     );
@@ -111,6 +228,33 @@ fn sin_cos_f32(x: &[f32], sin: &mut [f32], cos: &mut [f32]) {
             }
         }
     }
+}
+
+/// x ← sin x for every entry: the sines of [`Real::sin_cos_all`], bit for bit.
+pub fn sin_in_place(x: &mut [f32]) {
+    widely(
+        #[inline(always)]
+        || sin_f32(x),
+    );
+}
+
+#[inline(always)]
+fn sin_f32(x: &mut [f32]) {
+    let mut in_range = true;
+    for x in &*x {
+        in_range &= x.abs() <= REDUCTION_LIMIT;
+    }
+    if in_range {
+        for x in x {
+            *x = sin_cos_reduced(*x).0;
+        }
+    } else {
+        x.iter_mut().for_each(|x| *x = sin_anywhere(*x));
+    }
+}
+
+fn sin_anywhere(x: f32) -> f32 {
+    if x.abs() <= REDUCTION_LIMIT { sin_cos_reduced(x).0 } else { x.sin() }
 }
 
 #[inline(always)]
@@ -147,6 +291,21 @@ mod tests {
             assert!((f64::from(sin[i]) - s).abs() < 1.3e-7, "sin {x}");
             assert!((f64::from(cos[i]) - c).abs() < 1.3e-7, "cos {x}");
         }
+    }
+
+    #[test]
+    fn sines_in_place_are_the_same_sines() {
+        for reach in [1.0, 1e5] {
+            let x: Vec<f32> = (-1000..1000).map(|i| i as f32 * 0.013 * reach).collect();
+            let (mut sin, mut cos) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            f32::sin_cos_all(&x, &mut sin, &mut cos);
+            let mut found = x;
+            sin_in_place(&mut found);
+            assert_eq!(found, sin);
+        }
+        let mut undefined = [0.0, f32::NAN];
+        sin_in_place(&mut undefined);
+        assert!(undefined[1].is_nan());
     }
 
     #[test]

@@ -6,25 +6,24 @@
 use std::sync::Arc;
 
 use dfdx::prelude::*;
-use faer::Accum;
-use pulp::Arch;
 
 use super::activation::{Activated, Activation};
 use super::graph::Graph;
-use super::real::{Real, add, gemm, multiply, view};
-use super::{Matrix, entries};
+use super::loan::Loan;
+use super::real::{Real, add, multiply, widely};
+use super::{Matrix, entries, lent};
 
 /// The weights of one layer in the form its products want, made once for many forward passes.
 #[derive(Debug, Clone)]
 pub struct Mixing<E: Real> {
     w1: Matrix<E>,
     w2: Matrix<E>,
-    /// Mᵀ, h×2h: without a transpose between it and the weights, or between their gradients.
-    matrix: Arc<Vec<E>>,
+    /// M and Mᵀ, for the ways forward and backward.
+    matrices: Arc<[E::Packed; 2]>,
 }
 
 impl<E: Real> Mixing<E> {
-    /// Mᵀ = [I − w₁ − 2w₂ | 2w₂] for w₁ and w₂, h×h.
+    /// M from Mᵀ = [I − w₁ − 2w₂ | 2w₂] for w₁ and w₂, h×h: without a transpose between it and the weights.
     pub fn new(w1: &Matrix<E>, w2: &Matrix<E>) -> Self {
         let &(h, _) = w1.shape();
         let mut matrix = Vec::with_capacity(2 * h * h);
@@ -34,7 +33,8 @@ impl<E: Real> Mixing<E> {
             matrix[2 * h * i + i] += E::round(1.0);
             matrix.extend(b.iter().map(|&b| b + b));
         }
-        Self { w1: w1.clone(), w2: w2.clone(), matrix: Arc::new(matrix) }
+        let matrices = [E::pack_transposed(&matrix, h, 2 * h), E::pack(&matrix, h, 2 * h)];
+        Self { w1: w1.clone(), w2: w2.clone(), matrices: Arc::new(matrices) }
     }
 }
 
@@ -48,13 +48,12 @@ pub fn sggc<E: Real, T: Tape<E, Cpu>>(
 ) -> Matrix<E, T> {
     let (x, mut tape) = x.split_tape();
     let &(n, h) = x.shape();
-    let mut state = entries(&x);
+    let mut state = lent(&x);
     // What the backward pass needs of every iteration: [x | Wx].
     let mut inputs = Vec::with_capacity(if T::OWNS_TAPE { iterations } else { 0 });
     for _ in 0..iterations {
         let joined = beside_neighbours(&state, graph, h);
-        let matrix = view(&mixing.matrix, h, 2 * h);
-        gemm(&mut state, view(&joined, n, 2 * h), matrix.transpose(), Accum::Replace);
+        E::multiply(&mut state, &joined, n, &mixing.matrices[0]);
         if T::OWNS_TAPE {
             inputs.push(joined);
         }
@@ -63,16 +62,15 @@ pub fn sggc<E: Real, T: Tape<E, Cpu>>(
     let out = x.device().tensor_from_vec(values, (n, h));
     let (out_ghost, x_ghost) = (out.ghost(), x.ghost());
     let (w1_ghost, w2_ghost) = (mixing.w1.ghost(), mixing.w2.ghost());
-    let (graph, matrix) = (graph.clone(), mixing.matrix.clone());
+    let (graph, matrices) = (graph.clone(), mixing.matrices.clone());
     tape.add_backward_op(move |grads| {
         let mut gradient = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
         multiply(&slopes, &mut gradient);
         let mut d_matrix = vec![E::default(); 2 * h * h];
-        let mut d_joined = vec![E::default(); n * 2 * h];
+        let mut d_joined = Loan::of(n * 2 * h);
         for joined in inputs.iter().rev() {
-            let p = view(&gradient, n, h);
-            gemm(&mut d_matrix, p.transpose(), view(joined, n, 2 * h), Accum::Add);
-            gemm(&mut d_joined, p, view(&matrix, h, 2 * h), Accum::Replace);
+            E::add_transposed_product(&mut d_matrix, &gradient, joined, n);
+            E::multiply(&mut d_joined, &gradient, n, &matrices[1]);
             fold_neighbours(&d_joined, &graph, h, &mut gradient);
         }
         add_weight_gradient(&d_matrix, h, grads.get_or_alloc_mut(&w1_ghost)?, |own, _| -own);
@@ -86,15 +84,16 @@ pub fn sggc<E: Real, T: Tape<E, Cpu>>(
 }
 
 /// [x | Wx], n×2h.
-fn beside_neighbours<E: Real>(x: &[E], graph: &Graph<E>, h: usize) -> Vec<E> {
-    let mut joined = Vec::with_capacity(2 * x.len());
+fn beside_neighbours<E: Real>(x: &[E], graph: &Graph<E>, h: usize) -> Loan<E> {
+    let mut joined = Loan::of(2 * x.len());
     graph.for_each_row(
         x,
         h,
         #[inline(always)]
         |i, neighbours| {
-            joined.extend_from_slice(&x[i * h..(i + 1) * h]);
-            joined.extend_from_slice(neighbours);
+            let (own, near) = joined[2 * h * i..2 * h * (i + 1)].split_at_mut(h);
+            own.copy_from_slice(&x[i * h..(i + 1) * h]);
+            near.copy_from_slice(neighbours);
         },
     );
     joined
@@ -118,7 +117,7 @@ fn fold_neighbours<E: Real>(joined: &[E], graph: &Graph<E>, h: usize, dx: &mut [
 
 /// dw += f(dMᵀ_own, dMᵀ_near).
 fn add_weight_gradient<E: Real>(d_matrix: &[E], h: usize, dw: &mut [E], f: impl Fn(E, E) -> E) {
-    Arch::new().dispatch(
+    widely(
         #[inline(always)]
         || {
             for (dw, row) in dw.chunks_exact_mut(h).zip(d_matrix.chunks_exact(2 * h)) {
