@@ -172,7 +172,7 @@ fn mix(
 }
 
 fn alone(w1: &[f32], h: usize, iterations: usize) -> Weights {
-    let identity = |i: usize| f64::from(i % (h + 1) == 0);
+    let identity = |i: usize| f64::from(i.is_multiple_of(h + 1));
     let step: Vec<f64> = w1.iter().enumerate().map(|(i, &w)| identity(i) - f64::from(w)).collect();
     let mut power: Vec<f64> = (0..h * h).map(identity).collect();
     for _ in 0..iterations {

@@ -83,7 +83,7 @@ impl Panels {
         c.par_chunks_mut(DEALT_ROWS * stride).enumerate().for_each(|(chunk, c)| {
             let first = chunk * DEALT_ROWS;
             let m = DEALT_ROWS.min(m.saturating_sub(first));
-            let a = a.from_row(first);
+            let a = a.rows_after(first);
             Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum });
         });
     }
@@ -91,7 +91,7 @@ impl Panels {
 
 impl Layout<'_> {
     /// The rows from `first` on.
-    fn from_row(self, first: usize) -> Self {
+    fn rows_after(self, first: usize) -> Self {
         match self {
             Self::Rows(a, stride) => {
                 Self::Rows(a.get(first * stride..).unwrap_or_default(), stride)
