@@ -16,10 +16,10 @@ use chladni::ggnn::Block;
 use chladni::ggnn::features::{FeatureOptions, Features};
 use chladni::ggnn::heads::solve_heads;
 use chladni::ggnn::network::Layer;
-use chladni::ggnn::predict::{NetworkInput, predict_all, predict_next};
+use chladni::ggnn::predict::{NetworkInput, append_next, predict_all};
 use chladni::ggnn::recipe::Ritz;
 use chladni::ggnn::sample::{Member, Sample};
-use chladni::ggnn::train::{Observer, train_blocks};
+use chladni::ggnn::train::{Silent, train_blocks};
 use chladni::mesh::closest::ClosestPoint;
 use chladni::mesh::sample::icosphere;
 use chladni::mesh::subdivide::subdivide;
@@ -33,23 +33,16 @@ use chladni::spectrum::eigenpairs::normalise;
 use chladni::spectrum::nullspace::nullspace;
 use chladni::spectrum::pencil::column_mut;
 use chladni::spectrum::{Dense, Problem, factor::Analysis, fem};
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use spade::{DelaunayTriangulation, Point2, Triangulation};
+
+use shapes::{SIDE, ball, square};
+
+mod shapes;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
-struct Silent;
-
-impl Observer for Silent {
-    fn step(&self, _: usize, _: usize, _: f64) {}
-
-    fn cancelled(&self) -> bool {
-        false
-    }
-}
 
 /// A shape with the meshes that a model of it is trained on, and one that it is tested on.
 struct Case {
@@ -208,10 +201,12 @@ fn case(name: &str, options: &Options) -> Result<Case, Box<dyn Error>> {
         }
         _ => Case {
             name: "square",
-            family: (0..options.members as u64).map(|i| square(144, options.seed, i)).collect(),
-            test: square(932, 4711, 0),
+            family: (0..options.members as u64)
+                .map(|i| square(144, options.seed, i, evenly))
+                .collect(),
+            test: square(932, 4711, 0, evenly),
             boundary: Boundary::Dirichlet,
-            shape: square(144, 1, 0),
+            shape: square(144, 1, 0, evenly),
         },
     })
 }
@@ -220,52 +215,9 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name)
 }
 
-/// A geodesic sphere, turned at random, its vertices shifted along the surface.
-fn ball(levels: u32, seed: u64, member: u64) -> TriMesh {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(member);
-    let mesh = icosphere(levels);
-    let edge = (4.0 * std::f64::consts::PI / mesh.n() as f64).sqrt();
-    let mut axis = [0.0; 3].map(|_: f64| rng.random_range(-1.0..1.0));
-    let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-    axis.iter_mut().for_each(|x| *x /= length);
-    let (sin, cos) = rng.random_range(0.0..std::f64::consts::TAU).sin_cos();
-    let vertices = mesh.vertices().iter().map(|&[x, y, z]| {
-        let [a, b, c] = axis;
-        let along = (1.0 - cos) * (a * x + b * y + c * z);
-        let turned = [
-            cos * x + sin * (b * z - c * y) + along * a,
-            cos * y + sin * (c * x - a * z) + along * b,
-            cos * z + sin * (a * y - b * x) + along * c,
-        ];
-        let moved = turned.map(|v| v + 0.25 * edge * rng.random_range(-1.0..1.0));
-        let length = moved.iter().map(|x| x * x).sum::<f64>().sqrt();
-        moved.map(|v| v / length)
-    });
-    TriMesh::new(vertices.collect(), mesh.faces().to_vec()).expect("a sphere is a valid mesh")
-}
-
-/// The paper's square [0, π]²: a tenth of the vertices on the boundary, the others at random, Delaunay.
-fn square(n: usize, seed: u64, member: u64) -> TriMesh {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(member);
-    let side = std::f64::consts::PI;
-    let on_boundary = n / 10 / 4 * 4;
-    let mut triangulation = DelaunayTriangulation::<Point2<f64>>::new();
-    let per_side = on_boundary / 4;
-    for i in 0..per_side {
-        let t = side * i as f64 / per_side as f64;
-        for (x, y) in [(t, 0.0), (side, t), (side - t, side), (0.0, side - t)] {
-            triangulation.insert(Point2::new(x, y)).expect("a finite point");
-        }
-    }
-    while triangulation.num_vertices() < n {
-        let point = Point2::new(rng.random_range(0.0..side), rng.random_range(0.0..side));
-        triangulation.insert(point).expect("a finite point");
-    }
-    let vertices = triangulation.vertices().map(|v| [v.position().x, v.position().y, 0.0]);
-    let faces = triangulation.inner_faces().map(|f| f.vertices().map(|v| v.index() as u32));
-    TriMesh::new(vertices.collect(), faces.collect()).expect("a triangulation is a valid mesh")
+/// The vertices of a side at equal distances.
+fn evenly(i: usize, per_side: usize, _: &mut ChaCha8Rng) -> f64 {
+    SIDE * i as f64 / per_side as f64
 }
 
 /// A mesh as training and prediction see it.
@@ -330,11 +282,7 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
             let block = settle(block, &earlier[1])?.remove(0);
             for (family, earlier) in [&family, &finer].into_iter().zip(&mut earlier) {
                 family.par_iter().zip(earlier).for_each(|(s, phi)| {
-                    let next = predict_next(&block, &s.member.input, &s.member.mass, phi);
-                    let c = phi.ncols();
-                    *phi = Dense::from_fn(phi.nrows(), c + 1, |i, j| {
-                        if j < c { phi[(i, j)] } else { next[i] }
-                    });
+                    append_next(&block, &s.member.input, &s.member.mass, phi);
                 });
             }
             blocks.push(block);

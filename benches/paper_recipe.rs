@@ -25,10 +25,13 @@ use chladni::spectrum::eigenpairs::normalise;
 use chladni::spectrum::pencil::{apply, column, dot, quadratic};
 use chladni::spectrum::{Dense, Eigenpairs, Problem, factor::Analysis, fem};
 use dfdx::prelude::{Cpu, TensorFromVec};
-use rand::{Rng, SeedableRng};
+use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use spade::{DelaunayTriangulation, Point2, Triangulation};
+
+use shapes::{SIDE, ball, square};
+
+mod shapes;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -101,12 +104,12 @@ fn run(name: &str, settings: &Settings) -> Result<(), Box<dyn Error>> {
     let recipe = recipe(settings);
     let members = number(settings, "members", 200.0) as u64;
     let (boundary, test) = match name {
-        "square" => (Boundary::Dirichlet, square(932, 4711)),
+        "square" => (Boundary::Dirichlet, square(932, 0, 4711, randomly)),
         _ => (Boundary::Neumann, icosphere(3)),
     };
     let mesh = |member| match name {
-        "square" => square(144, member),
-        _ => ball(2, member),
+        "square" => square(144, 0, member, randomly),
+        _ => ball(2, 0, member),
     };
     let family: Vec<Seen> =
         (0..members).map(|m| seen(&mesh(m), boundary)).collect::<Result<_, _>>()?;
@@ -298,51 +301,7 @@ fn seen(mesh: &TriMesh, boundary: Boundary) -> Result<Seen, Box<dyn Error>> {
     Ok(Seen { member, held, area, known })
 }
 
-/// A geodesic sphere, turned at random, its vertices shifted along the surface.
-fn ball(levels: u32, member: u64) -> TriMesh {
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    rng.set_stream(member);
-    let mesh = icosphere(levels);
-    let edge = (4.0 * std::f64::consts::PI / mesh.n() as f64).sqrt();
-    let mut axis = [0.0; 3].map(|_: f64| rng.random_range(-1.0..1.0));
-    let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-    axis.iter_mut().for_each(|x| *x /= length);
-    let (sin, cos) = rng.random_range(0.0..std::f64::consts::TAU).sin_cos();
-    let vertices = mesh.vertices().iter().map(|&[x, y, z]| {
-        let [a, b, c] = axis;
-        let along = (1.0 - cos) * (a * x + b * y + c * z);
-        let turned = [
-            cos * x + sin * (b * z - c * y) + along * a,
-            cos * y + sin * (c * x - a * z) + along * b,
-            cos * z + sin * (a * y - b * x) + along * c,
-        ];
-        let moved = turned.map(|v| v + 0.25 * edge * rng.random_range(-1.0..1.0));
-        let length = moved.iter().map(|x| x * x).sum::<f64>().sqrt();
-        moved.map(|v| v / length)
-    });
-    TriMesh::new(vertices.collect(), mesh.faces().to_vec()).expect("a sphere is a valid mesh")
-}
-
-/// The paper's square [0, π]²: a tenth of the vertices on the boundary, the others at random, Delaunay.
-fn square(n: usize, member: u64) -> TriMesh {
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    rng.set_stream(member);
-    let side = std::f64::consts::PI;
-    let per_side = n / 10 / 4;
-    let mut triangulation = DelaunayTriangulation::<Point2<f64>>::new();
-    for i in 0..per_side {
-        // The corners, and on every side as many others, at random.
-        for corner in 0..4 {
-            let t = if i == 0 { 0.0 } else { rng.random_range(0.0..side) };
-            let (x, y) = [(t, 0.0), (side, t), (side - t, side), (0.0, side - t)][corner];
-            triangulation.insert(Point2::new(x, y)).expect("a finite point");
-        }
-    }
-    while triangulation.num_vertices() < n {
-        let point = Point2::new(rng.random_range(0.0..side), rng.random_range(0.0..side));
-        triangulation.insert(point).expect("a finite point");
-    }
-    let vertices = triangulation.vertices().map(|v| [v.position().x, v.position().y, 0.0]);
-    let faces = triangulation.inner_faces().map(|f| f.vertices().map(|v| v.index() as u32));
-    TriMesh::new(vertices.collect(), faces.collect()).expect("a triangulation is a valid mesh")
+/// The corner, and the other vertices of a side at random.
+fn randomly(i: usize, _: usize, rng: &mut ChaCha8Rng) -> f64 {
+    if i == 0 { 0.0 } else { rng.random_range(0.0..SIDE) }
 }

@@ -5,21 +5,17 @@
 
 use std::cell::Cell;
 use std::hint::black_box;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
-use chladni::ggnn::features::{Normalise, coordinates};
-use chladni::ggnn::network::TrunkShape;
+use chladni::ggnn::network::{Layer, TrunkShape};
 use chladni::ggnn::ops::real::Real;
-use chladni::ggnn::predict::NetworkInput;
 use chladni::ggnn::recipe::Ritz;
-use chladni::ggnn::sample::{Member, Sample};
 use chladni::ggnn::train::{Observer, train_blocks};
-use chladni::mesh::TriMesh;
-use chladni::operators::{MassKind, Operators};
-use chladni::remesh::{Family, FamilyRecipe};
-use chladni::spectrum::Dense;
 use criterion::{Criterion, criterion_group, criterion_main};
+
+use families::{sample, spot};
+
+mod families;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -50,9 +46,14 @@ fn steps(c: &mut Criterion) {
     let mut group = c.benchmark_group("step");
     group.sample_size(10).measurement_time(Duration::from_secs(5));
     for (members, vertices) in [(10, 144), (4, 500)] {
-        let family = family(members, vertices);
+        let family = spot(members, vertices).expect("spot simplifies");
         let recipe = Ritz {
-            shape: TrunkShape { width: WIDTH, layers: LAYERS, ..Ritz::default().shape },
+            shape: TrunkShape {
+                width: WIDTH,
+                layers: LAYERS,
+                layer: Layer::Sggc,
+                ..Ritz::default().shape
+            },
             batch: members,
             shards: SHARDS,
             ..Ritz::default()
@@ -82,32 +83,6 @@ fn steps(c: &mut Criterion) {
             100.0 * products / rate / best,
         );
     }
-}
-
-fn family(members: usize, vertices: usize) -> Vec<Member> {
-    let mesh = spot();
-    let recipe = FamilyRecipe { members, vertices: vertices.into(), ..FamilyRecipe::default() };
-    let family = Family::of(&mesh, &recipe).expect("spot simplifies");
-    let member = |mesh: &TriMesh| {
-        let operators =
-            Operators::assemble(mesh, MassKind::Lumped).expect("its triangles are round");
-        let area = operators.total_mass();
-        Member {
-            input: NetworkInput::new(&coordinates(mesh, Normalise::Area), &operators.adjacency),
-            stiffness: operators.stiffness,
-            mass: operators.mass.map(|b| b / area),
-        }
-    };
-    family.members.iter().map(member).collect()
-}
-
-fn spot() -> TriMesh {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes/spot_829.obj");
-    chladni::mesh::load(&path).expect("spot can be read").mesh
-}
-
-fn sample(member: &Member) -> Sample {
-    Sample::new(member, &Dense::from_fn(member.input.n(), 1, |_, _| 1.0))
 }
 
 /// The layers' products, forward and backward, for one member.

@@ -16,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+from common import ROOT, build, child
+
 SPHERES = {"sphere 10k": "sphere:5", "sphere 40k": "sphere:6", "sphere 160k": "sphere:7"}
 
 
@@ -32,7 +33,7 @@ def main():
         meshes["spot"] = options.spot
     else:
         print(f"no {options.spot}: the case 'spot' is left out", file=sys.stderr)
-    solver = build()
+    solver = build("solver")
     print("| mesh | vertices | K | chladni s | SciPy s | ratio | chladni MiB | SciPy MiB | largest relative difference |")
     print("|---|---|---|---|---|---|---|---|---|")
     for name in options.cases or meshes:
@@ -55,18 +56,6 @@ def row(name, solver, mesh, folder, k, repeat):
     memory = [max(run["peak_kib"] for run in runs) / 1024 for runs in (ours, theirs)]
     print(f"| {name} | {ours[0]['n']:,} | {k} | {seconds[0]:.2f} | {seconds[1]:.2f} | {ratio:.1f} | "
           f"{memory[0]:.0f} | {memory[1]:.0f} | {difference:.0e} |", flush=True)
-
-
-def child(command):
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-
-
-def build():
-    """The path of our side, built."""
-    command = ["cargo", "bench", "--bench", "solver", "--no-run", "--message-format=json"]
-    built = subprocess.run(command, check=True, capture_output=True, text=True, cwd=ROOT).stdout
-    messages = (json.loads(line) for line in built.splitlines() if line.startswith("{"))
-    return next(m["executable"] for m in messages if m.get("executable") and m["target"]["name"] == "solver")
 
 
 def eigsh(folder, k):

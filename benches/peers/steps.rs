@@ -7,7 +7,6 @@
 use std::cell::RefCell;
 use std::error::Error;
 use std::hint::black_box;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,12 +18,15 @@ use chladni::ggnn::network::{Layer, Trunk, TrunkShape};
 use chladni::ggnn::ops::real::Real;
 use chladni::ggnn::predict::NetworkInput;
 use chladni::ggnn::recipe::Ritz;
-use chladni::ggnn::sample::{Member, Sample};
+use chladni::ggnn::sample::Member;
 use chladni::ggnn::train::{Observer, train_blocks};
-use chladni::mesh::{TriMesh, sample::icosphere};
+use chladni::mesh::sample::icosphere;
 use chladni::operators::{MassKind, Operators, Sparse};
-use chladni::remesh::{Family, FamilyRecipe};
-use chladni::spectrum::Dense;
+
+use families::{sample, spot};
+
+#[path = "../families/mod.rs"]
+mod families;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -76,8 +78,7 @@ fn run(
     steps: usize,
 ) -> Outcome {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
-    let family = family(members, vertices)?;
-    let sample = |m: &Member| Sample::new(m, &Dense::from_fn(m.input.n(), 1, |_, _| 1.0));
+    let family = spot(members, vertices)?;
     let recipe = Ritz { shape, batch: members, shards: threads, steps, ..Ritz::default() };
     let watch = Stopwatch::default();
     train_blocks(family.iter().map(sample).collect(), &recipe, 1, 0, &watch)?;
@@ -148,22 +149,6 @@ fn prediction_seconds(shape: TrunkShape) -> f64 {
     (0..20).map(turn).fold(f64::INFINITY, f64::min)
 }
 
-fn family(members: usize, vertices: usize) -> Result<Vec<Member>, Box<dyn Error>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes/spot_829.obj");
-    let mesh = chladni::mesh::load(&path)?.mesh;
-    let recipe = FamilyRecipe { members, vertices: vertices.into(), ..FamilyRecipe::default() };
-    let member = |mesh: &TriMesh| {
-        let operators = Operators::assemble(mesh, MassKind::Lumped)?;
-        let area = operators.total_mass();
-        Ok(Member {
-            input: NetworkInput::new(&coordinates(mesh, Normalise::Area), &operators.adjacency),
-            stiffness: operators.stiffness,
-            mass: operators.mass.map(|b| b / area),
-        })
-    };
-    Family::of(&mesh, &recipe)?.members.iter().map(member).collect()
-}
-
 fn data(members: usize, vertices: usize, file: &str) -> Outcome {
     let entries = |m: &Sparse| -> Vec<(usize, usize, f64)> {
         m.iter().map(|(&value, (i, j))| (i, j, value)).collect()
@@ -178,7 +163,7 @@ fn data(members: usize, vertices: usize, file: &str) -> Outcome {
             "mass": entries(&member.mass),
         })
     };
-    let members: Vec<serde_json::Value> = family(members, vertices)?.iter().map(of).collect();
+    let members: Vec<serde_json::Value> = spot(members, vertices)?.iter().map(of).collect();
     let prediction = Member {
         input: NetworkInput::new(&coordinates(&sphere, Normalise::Area), &operators.adjacency),
         stiffness: operators.stiffness,

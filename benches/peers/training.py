@@ -21,7 +21,8 @@ import sys
 import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+from common import build, child
+
 CASES = [("sggc", 10, 144, 128, 1), ("sggc", 10, 144, 128, 3), ("sggc", 1, 500, 256, 1), ("sggc", 1, 500, 256, 3),
          ("pointwise", 10, 144, 128, 1), ("pointwise", 1, 500, 256, 1)]
 
@@ -33,7 +34,7 @@ def main():
     arguments.add_argument("--steps-binary", help="our side, already built")
     arguments.add_argument("--no-compile", action="store_true")
     options = arguments.parse_args()
-    ours = options.steps_binary or build()
+    ours = options.steps_binary or build("steps")
     modes = ["eager"] if options.no_compile else ["eager", "compile"]
     print("| layer | batch | I | threads | ours, ms | of it products | eager, ms | compiled, ms | ratio | "
           "prediction: ours, ms | PyTorch, ms | ratio |")
@@ -63,18 +64,6 @@ def rows(case, ours, modes, folder, options):
         print(f"| {layer} | {members} × {vertices}, h {width} | {iterations} | {threads} | {step:.1f} | "
               f"{100 * least(mine, 'products') / step:.0f} % | {steps[0]:.1f} | {steps[1]:.1f} | {best / step:.1f} | "
               f"{prediction:.1f} | {predicted:.1f} | {predicted / prediction:.1f} |", flush=True)
-
-
-def child(command):
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-
-
-def build():
-    """The path of our side, built."""
-    command = ["cargo", "bench", "--bench", "steps", "--no-run", "--message-format=json"]
-    built = subprocess.run(command, check=True, capture_output=True, text=True, cwd=ROOT).stdout
-    messages = (json.loads(line) for line in built.splitlines() if line.startswith("{"))
-    return next(m["executable"] for m in messages if m.get("executable") and m["target"]["name"] == "steps")
 
 
 def peer(data, layer, width, iterations, threads, steps, mode):

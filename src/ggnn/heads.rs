@@ -45,21 +45,11 @@ mod tests {
     use crate::ggnn::predict::{NetworkInput, predict_all};
     use crate::ggnn::recipe::Ritz;
     use crate::ggnn::sample::Member;
-    use crate::ggnn::train::{Observer, train_blocks};
+    use crate::ggnn::train::{Silent, train_blocks};
     use crate::mesh::sample::icosphere;
     use crate::operators::{Boundary, MassKind, Operators};
     use crate::spectrum::Dense;
     use crate::spectrum::pencil::{column, quadratic};
-
-    struct Silent;
-
-    impl Observer for Silent {
-        fn step(&self, _: usize, _: usize, _: f64) {}
-
-        fn cancelled(&self) -> bool {
-            false
-        }
-    }
 
     fn sphere(levels: u32) -> Member {
         let mesh = icosphere(levels);

@@ -88,6 +88,19 @@ pub fn predict_next(
     outputs
 }
 
+/// The same, as a further column of `phi`, the earlier ones.
+pub fn append_next(block: &Block, input: &NetworkInput, mass: &impl InnerProduct, phi: &mut Dense) {
+    let (next, columns) = (predict_next(block, input, mass, phi), phi.ncols());
+    *phi =
+        Dense::from_fn(
+            phi.nrows(),
+            columns + 1,
+            |i, j| {
+                if j < columns { phi[(i, j)] } else { next[i] }
+            },
+        );
+}
+
 /// All eigenfunctions on a mesh: the `known` ones (constants, n×c), then one for every block. n×(c + blocks).
 ///
 /// The forward passes do not depend on one another and run in parallel; deflation follows in the order of the blocks.

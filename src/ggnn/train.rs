@@ -48,6 +48,18 @@ pub trait Observer {
     fn cancelled(&self) -> bool;
 }
 
+/// Nobody watches, and nothing stops the training.
+#[derive(Debug, Clone, Copy)]
+pub struct Silent;
+
+impl Observer for Silent {
+    fn step(&self, _: usize, _: usize, _: f64) {}
+
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
 /// Trains the blocks of the `count` eigenfunctions that follow those deflated in `samples`, all on one trunk.
 ///
 /// The same inputs, recipe and seed give the same bits, whatever the number of threads.

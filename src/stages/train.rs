@@ -19,7 +19,7 @@ use crate::ggnn::Block;
 use crate::ggnn::features::Input;
 use crate::ggnn::heads::solve_heads;
 use crate::ggnn::paper::{self, train_block};
-use crate::ggnn::predict::predict_next;
+use crate::ggnn::predict::append_next;
 use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::{Member, Sample};
 use crate::ggnn::train::{Observer, TrainError, train_blocks};
@@ -218,11 +218,7 @@ fn trunk_seed(seed: u64, k: usize) -> u64 {
 fn catch_up(members: &[Member], blocks: &[TrainedBlock], known: usize, earlier: &mut [Dense]) {
     members.par_iter().zip(earlier).for_each(|(member, phi)| {
         for trained in &blocks[phi.ncols() - known..] {
-            let next = predict_next(&trained.block, &member.input, &member.mass, phi);
-            let columns = phi.ncols();
-            *phi = Dense::from_fn(phi.nrows(), columns + 1, |i, j| {
-                if j < columns { phi[(i, j)] } else { next[i] }
-            });
+            append_next(&trained.block, &member.input, &member.mass, phi);
         }
     });
 }

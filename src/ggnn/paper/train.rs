@@ -134,19 +134,10 @@ mod tests {
     use crate::ggnn::network::TrunkShape;
     use crate::ggnn::predict::NetworkInput;
     use crate::ggnn::sample::Member;
+    use crate::ggnn::train::Silent;
     use crate::mesh::sample::icosphere;
     use crate::operators::{MassKind, Operators};
     use crate::spectrum::Dense;
-
-    struct Silent;
-
-    impl Observer for Silent {
-        fn step(&self, _: usize, _: usize, _: f64) {}
-
-        fn cancelled(&self) -> bool {
-            false
-        }
-    }
 
     /// Unit spheres of different samplings, of unit area to training.
     fn spheres() -> Vec<Sample> {
