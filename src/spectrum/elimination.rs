@@ -143,6 +143,11 @@ impl Elimination {
         &self.patterns[self.pattern_at[s]..self.pattern_at[s + 1]]
     }
 
+    /// The rows of a supernode's front: its columns, and the rows below them.
+    pub fn rows(&self, s: usize) -> impl Iterator<Item = usize> {
+        self.columns(s).chain(self.pattern(s).iter().map(|&row| row as usize))
+    }
+
     /// A supernode and all its descendants.
     pub fn subtree(&self, s: usize) -> Range<usize> {
         self.first[s] as usize..s + 1

@@ -43,6 +43,10 @@ const GLANCE: f64 = 1e-3;
 /// power: measured on spheres, tori, squares and animals for k = 10 … 100, from residuals of 10⁵ times the goal on.
 const RATE: f64 = 1.2;
 
+/// For k pairs that no cluster prolongs a Krylov space of dimension 3k and this many is enough, or nearly so: measured as
+/// before. A look costs as much as a step or two.
+const FIRST_LOOK: usize = 92;
+
 /// Searches for eigenvalues that an earlier one missed.
 const ATTEMPTS: u64 = 16;
 
@@ -168,7 +172,7 @@ impl<'a> Search<'a> {
             .map(|first| Panel::from_columns(&found.vectors, first))
             .collect();
         let mut krylov = Krylov::new(factor, self.pencil.mass, known, attempt);
-        let mut look_at = 3 * self.k.saturating_sub(found.len()) + 5 * WIDTH;
+        let mut look_at = 3 * self.k.saturating_sub(found.len()) + FIRST_LOOK;
         loop {
             while krylov.dimension() < look_at {
                 krylov.grow();

@@ -143,6 +143,8 @@ struct Room {
     front: Front,
     /// What the subtrees within a run have left, the latest last.
     stack: Vec<f64>,
+    /// Where the rows of the factor lie in the front; of those that it does not have, nothing that means anything.
+    place: Vec<u32>,
     /// The rows of a child in its parent.
     places: Vec<u32>,
 }
@@ -166,20 +168,30 @@ impl Shifted<'_> {
         let mut negative: usize = children.iter().map(|left| left.negative).sum();
         // The supernodes whose rest is on the stack, and where it begins.
         let mut waiting: Vec<(usize, usize)> = Vec::new();
-        room.stack.clear();
+        let Room { front, stack, place, places } = room;
+        stack.clear();
+        place.resize(self.elimination.n(), 0);
         for s in supernodes.clone() {
-            let Room { front, stack, places } = &mut *room;
             front.reset(self.elimination.columns(s).len(), self.elimination.pattern(s).len());
-            self.assemble(s, front);
+            for (local, row) in self.elimination.rows(s).enumerate() {
+                place[row] = local as u32;
+            }
+            self.assemble(s, front, place);
+            let mut add = |child: usize, values: &[f64]| {
+                places.clear();
+                let rows = self.elimination.pattern(child).iter();
+                places.extend(rows.map(|&row| place[row as usize]));
+                front.add(places, values);
+            };
             for left in children.iter().filter(|_| s == supernodes.start) {
-                self.add(s, left.root, &left.values, front, places);
+                add(left.root, &left.values);
             }
             let within = self.elimination.subtree(s).start.max(supernodes.start);
             let own = waiting.partition_point(|&(child, _)| child < within);
             let bottom = waiting.get(own).map_or(stack.len(), |&(_, start)| start);
             for (k, &(child, start)) in waiting.iter().enumerate().skip(own) {
                 let end = waiting.get(k + 1).map_or(stack.len(), |&(_, next)| next);
-                self.add(s, child, &stack[start..end], front, places);
+                add(child, &stack[start..end]);
             }
             waiting.truncate(own);
             stack.truncate(bottom);
@@ -189,40 +201,23 @@ impl Shifted<'_> {
             waiting.push((s, bottom));
             front.rest(stack);
         }
-        Ok(Left { root: supernodes.end - 1, values: room.stack.clone(), negative })
-    }
-
-    /// Adds what the subtree of a child has left.
-    fn add(&self, s: usize, child: usize, values: &[f64], front: &mut Front, rows: &mut Vec<u32>) {
-        rows.clear();
-        rows.extend(self.elimination.pattern(child).iter().map(|&row| self.place(s, row)));
-        front.add(rows, values);
+        Ok(Left { root: supernodes.end - 1, values: stack.clone(), negative })
     }
 
     /// The entries of L − σB in the columns of a supernode.
-    fn assemble(&self, s: usize, front: &mut Front) {
+    fn assemble(&self, s: usize, front: &mut Front, place: &[u32]) {
         let elimination = self.elimination;
         for (j, column) in elimination.columns(s).enumerate() {
             let i = elimination.order()[column] as usize;
             for (matrix, scale) in [(self.pencil.stiffness, 1.0), (self.pencil.mass, -self.sigma)] {
                 let entries = matrix.outer_view(i);
                 for (i, &value) in entries.iter().flat_map(|entries| entries.iter()) {
-                    let row = elimination.place()[i];
-                    if row as usize >= column {
-                        *front.entry(self.place(s, row) as usize, j) += scale * value;
+                    let row = elimination.place()[i] as usize;
+                    if row >= column {
+                        *front.entry(place[row] as usize, j) += scale * value;
                     }
                 }
             }
         }
-    }
-
-    /// Where a row of the factor lies in the front of a supernode.
-    fn place(&self, s: usize, row: u32) -> u32 {
-        let columns = self.elimination.columns(s);
-        if (row as usize) < columns.end {
-            return row - columns.start as u32;
-        }
-        let below = self.elimination.pattern(s).binary_search(&row);
-        (columns.len() + below.expect("a front has every row that its columns fill")) as u32
     }
 }
