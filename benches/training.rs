@@ -13,6 +13,8 @@ use chladni::ggnn::recipe::Ritz;
 use chladni::ggnn::train::{Observer, train_blocks};
 use criterion::{Criterion, criterion_group, criterion_main};
 
+use faer::Accum;
+
 use families::{sample, spot};
 
 mod families;
@@ -102,7 +104,7 @@ fn gemm_rate(n: usize) -> f64 {
         for _ in 0..REPEATS {
             f32::multiply(&mut next, &joined, n, &forward);
             f32::multiply(&mut d_joined, &x, n, &backward);
-            f32::add_transposed_product(&mut matrix, &x, &joined, n);
+            f32::transposed_product(&mut matrix, &x, &joined, n, Accum::Add);
         }
         black_box((next, d_joined, matrix));
     };

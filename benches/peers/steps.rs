@@ -23,6 +23,8 @@ use chladni::ggnn::train::{Observer, train_blocks};
 use chladni::mesh::sample::icosphere;
 use chladni::operators::{MassKind, Operators, Sparse};
 
+use faer::Accum;
+
 use families::{sample, spot};
 
 #[path = "../families/mod.rs"]
@@ -114,7 +116,7 @@ fn products_seconds(shape: TrunkShape, n: usize, rows: usize, threads: usize) ->
         for _ in 0..REPEATS {
             f32::multiply(&mut next, &joined, rows, &packed[0]);
             f32::multiply(&mut d_joined, &x, rows, &packed[1]);
-            f32::add_transposed_product(&mut d_matrix, &x, &joined, rows);
+            f32::transposed_product(&mut d_matrix, &x, &joined, rows, Accum::Add);
         }
         black_box((next, d_joined, d_matrix));
     };

@@ -22,7 +22,7 @@ const ROWS: usize = 96;
 pub struct Forward {
     shape: TrunkShape,
     /// w_inᵀ, d×h.
-    encoder: Panels,
+    encoder: Panels<f32>,
     /// b_in, h.
     phases: Vec<f32>,
     layers: Vec<Weights>,
@@ -36,9 +36,9 @@ pub struct Forward {
 #[derive(Debug, Clone)]
 enum Weights {
     /// (I − w₁ᵀ)^I: all iterations in one product.
-    Alone(Panels),
+    Alone(Panels<f32>),
     /// I − w₁ᵀ − 2w₂ᵀ and 2w₂ᵀ of (29).
-    WithNeighbours { own: Panels, near: Panels },
+    WithNeighbours { own: Panels<f32>, near: Panels<f32> },
 }
 
 /// The features of a chunk, and room for the next ones.
@@ -151,7 +151,7 @@ impl Forward {
 fn mix(
     graph: &Graph<f32>,
     state: &[f32],
-    [own, near]: [&Panels; 2],
+    [own, near]: [&Panels<f32>; 2],
     first: usize,
     gathered: &mut Vec<f32>,
     next: &mut [f32],

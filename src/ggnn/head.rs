@@ -4,21 +4,24 @@
 //! always give the *next* eigenfunctions. The ridge σ keeps ill-conditioned combinations of features out. On meshes
 //! without Dirichlet boundary the constant is among the deflated functions, so no constant column is needed.
 
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::{Accum, Par};
+use std::ops::Range;
 
 use super::deflation::Deflation;
+use super::ops::dealt::{self, ROWS, rows_of_sum};
 use super::ops::graph::Graph;
 use super::ops::loan::Loan;
-use super::ops::real::{Real, gemm, view, widely};
+use super::ops::product::Layout;
+use super::ops::real::{Real, add, axpy, widely};
 use crate::spectrum::Dense;
+use crate::spectrum::pencil::column;
 use crate::spectrum::rayleigh_ritz::lowest_ridge_pairs;
 
-/// (FᵀLF, FᵀBF) of the deflated features, summed over members; each h×h, its lower triangle alone.
+/// (FᵀLF, FᵀBF) of the deflated features, summed over members; each h×h, row-major, its lower triangle alone.
 #[derive(Debug, Clone)]
 pub struct Grams {
-    stiffness: Dense,
-    mass: Dense,
+    h: usize,
+    stiffness: Vec<f64>,
+    mass: Vec<f64>,
 }
 
 /// A solved head.
@@ -33,7 +36,7 @@ pub struct Head {
 impl Grams {
     /// The sums over no member at all.
     pub fn zeros(h: usize) -> Self {
-        Self { stiffness: Dense::zeros(h, h), mass: Dense::zeros(h, h) }
+        Self { h, stiffness: vec![0.0; h * h], mass: vec![0.0; h * h] }
     }
 
     /// Adds the Gram matrices of one member's `features`, row-major n×h.
@@ -44,71 +47,103 @@ impl Grams {
         mass: &Graph<f64>,
         deflation: &Deflation,
     ) {
-        let h = self.mass.nrows();
-        let deflated = deflated(features, features.len() / h, h, deflation);
-        let mut product = Loan::<f64>::of(deflated.len());
-        for (sum, operator) in [(&mut self.stiffness, stiffness), (&mut self.mass, mass)] {
-            operator.for_each_row(&deflated, h, |i, row| {
-                product[i * h..(i + 1) * h].copy_from_slice(row);
-            });
-            add_gram(sum, &deflated, &product);
+        let h = self.h;
+        let deflated = deflated(features, h, deflation);
+        let n = stiffness.n();
+        let rows = rows_of_sum(n);
+        if n <= rows {
+            self.include_rows(0..n, &deflated, stiffness, mass);
+            return;
         }
+        let mut parts: Vec<_> = (0..n).step_by(rows).map(|first| (first, Self::zeros(h))).collect();
+        dealt::for_each(parts.iter_mut(), |(first, part)| {
+            let rows = *first..n.min(*first + rows);
+            part.include_rows(rows, &deflated, stiffness, mass);
+        });
+        parts.iter().for_each(|(_, part)| self.add(part));
+    }
+
+    /// Adds what these rows contribute to the products: of F, and of LF and BF.
+    fn include_rows(
+        &mut self,
+        rows: Range<usize>,
+        f: &[f64],
+        stiffness: &Graph<f64>,
+        mass: &Graph<f64>,
+    ) {
+        let h = self.h;
+        let own = Layout::Columns(&f[rows.start * h..rows.end * h], h);
+        f64::panels().with_borrow_mut(|product| {
+            for (sum, operator) in [(&mut self.stiffness, stiffness), (&mut self.mass, mass)] {
+                product.resize(rows.len(), h);
+                operator
+                    .for_rows(rows.clone(), f, h, |i, row| product.set_row(i - rows.start, row));
+                product.add_lower_product(sum, own);
+            }
+        });
     }
 
     /// Adds the sums over other members.
     pub fn add(&mut self, other: &Self) {
-        self.stiffness += &other.stiffness;
-        self.mass += &other.mass;
+        add(&other.stiffness, &mut self.stiffness);
+        add(&other.mass, &mut self.mass);
     }
 
     /// The lowest `count` pairs with σ = `ridge` · tr ΣFᵀLF; `None` when the features do not span as many (or are not
     /// numbers).
     pub fn solve(&self, ridge: f64, count: usize) -> Option<Vec<Head>> {
-        let [stiffness, mass] = [&self.stiffness, &self.mass].map(mirrored);
+        let [stiffness, mass] = [&self.stiffness, &self.mass].map(|lower| mirrored(lower, self.h));
         let pairs = lowest_ridge_pairs(&stiffness, &mass, ridge, count)?;
         Some(pairs.into_iter().map(|(quotient, weights)| Head { weights, quotient }).collect())
     }
 }
 
 /// P F in double precision, row-major n×h.
-fn deflated<E: Real>(features: &[E], n: usize, h: usize, deflation: &Deflation) -> Loan<f64> {
+fn deflated<E: Real>(features: &[E], h: usize, deflation: &Deflation) -> Loan<f64> {
     let mut f = Loan::of(features.len());
-    widely(
-        #[inline(always)]
-        || {
-            for (f, v) in f.iter_mut().zip(features) {
-                *f = v.wide();
-            }
-        },
-    );
-    let k = deflation.phi().ncols();
-    let mut overlaps = vec![0.0; k * h];
-    gemm(&mut overlaps, deflation.dual().transpose(), view(&f, n, h), Accum::Replace);
-    overlaps.iter_mut().for_each(|c| *c = -*c);
-    gemm(&mut f, deflation.phi().as_ref(), view(&overlaps, k, h), Accum::Add);
+    let rows = f.chunks_mut(ROWS * h).zip(features.chunks(ROWS * h));
+    dealt::for_each(rows, |(f, features)| {
+        widely(
+            #[inline(always)]
+            || f.iter_mut().zip(features).for_each(|(f, v)| *f = v.wide()),
+        );
+    });
+    let functions = 0..deflation.phi().ncols();
+    let overlaps: Vec<Vec<f64>> =
+        functions.map(|k| overlap(&f, h, column(deflation.dual(), k))).collect();
+    dealt::for_each(f.chunks_mut(ROWS * h).enumerate(), |(chunk, f)| {
+        for (k, overlap) in overlaps.iter().enumerate() {
+            let phi = &column(deflation.phi(), k)[chunk * ROWS..];
+            widely(
+                #[inline(always)]
+                || {
+                    for (row, &phi) in f.chunks_exact_mut(h).zip(phi) {
+                        axpy(-phi, overlap, row);
+                    }
+                },
+            );
+        }
+    });
     f
 }
 
-/// sum += the lower triangle of FᵀG.
-fn add_gram(sum: &mut Dense, f: &[f64], g: &[f64]) {
-    let h = sum.nrows();
-    let view = |x| view(x, f.len() / h, h);
-    matmul(
-        sum.as_mut(),
-        BlockStructure::TriangularLower,
-        Accum::Add,
-        view(f).transpose(),
-        BlockStructure::Rectangular,
-        view(g),
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
+/// Fᵀ d for F, n×h.
+fn overlap(f: &[f64], h: usize, dual: &[f64]) -> Vec<f64> {
+    let mut overlap = vec![0.0; h];
+    widely(
+        #[inline(always)]
+        || {
+            for (row, &dual) in f.chunks_exact(h).zip(dual) {
+                axpy(dual, row, &mut overlap);
+            }
+        },
     );
+    overlap
 }
 
 /// The symmetric matrix with this lower triangle.
-fn mirrored(lower: &Dense) -> Dense {
-    Dense::from_fn(lower.nrows(), lower.ncols(), |i, j| lower[(i.max(j), i.min(j))])
+fn mirrored(lower: &[f64], h: usize) -> Dense {
+    Dense::from_fn(h, h, |i, j| lower[i.max(j) * h + i.min(j)])
 }
 
 #[cfg(test)]

@@ -13,7 +13,6 @@ use super::ops::encoder::encode;
 use super::ops::gat::gat;
 use super::ops::gcn::gcn;
 use super::ops::graph::Graph;
-use super::ops::pointwise::{Remaining, pointwise};
 use super::ops::real::Real;
 use super::ops::sggc::{Mixing, sggc};
 use super::ops::{Matrix, entries};
@@ -46,7 +45,7 @@ pub enum Layer {
     Gcn,
     /// The graph attention of Veličković et al., see [`super::ops::gat`].
     Gat,
-    /// (29) without its neighbours, see [`super::ops::pointwise`].
+    /// (29) without its neighbours, see [`super::ops::sggc`].
     Pointwise,
 }
 
@@ -117,17 +116,15 @@ pub struct Trunk<E: Real> {
     parameters: Vec<Matrix<E>>,
 }
 
-/// The weights of one hidden layer in the form its products want.
+/// The weights of the hidden layers in the form their products want.
 #[derive(Debug, Clone)]
 pub enum Prepared<E: Real> {
-    /// w₁ and w₂ of (29).
-    Sggc(Mixing<E>),
+    /// w₁ of (29) and, where vertices read their neighbours, w₂.
+    Sggc(Arc<[Mixing<E>]>),
     /// w.
-    Gcn(Matrix<E>),
+    Gcn(Vec<Matrix<E>>),
     /// w and a.
-    Gat(Matrix<E>, Matrix<E>),
-    /// w₁.
-    Pointwise(Remaining<E>),
+    Gat(Vec<[Matrix<E>; 2]>),
 }
 
 impl<E: Real> Trunk<E> {
@@ -188,35 +185,36 @@ impl<E: Real> Trunk<E> {
         self.forward_with(&self.prepared(), x, graph)
     }
 
-    /// What [`Self::forward_with`] needs of every layer; for many passes with the same weights.
-    pub fn prepared(&self) -> Vec<Prepared<E>> {
-        let layers = self.parameters[2..]
-            .chunks_exact(self.shape.layer.weight_sizes(self.shape.width).len());
-        layers
-            .map(|w| match self.shape.layer {
-                Layer::Sggc => Prepared::Sggc(Mixing::new(&w[0], &w[1])),
-                Layer::Gcn => Prepared::Gcn(w[0].clone()),
-                Layer::Gat => Prepared::Gat(w[0].clone(), w[1].clone()),
-                Layer::Pointwise => Prepared::Pointwise(Remaining::new(&w[0])),
-            })
-            .collect()
+    /// What [`Self::forward_with`] needs of the layers; for many passes with the same weights.
+    pub fn prepared(&self) -> Prepared<E> {
+        let layers = &self.parameters[2..];
+        let pairs = || layers.chunks_exact(2);
+        match self.shape.layer {
+            Layer::Sggc => Prepared::Sggc(pairs().map(|w| Mixing::new(&w[0], &w[1])).collect()),
+            Layer::Pointwise => Prepared::Sggc(layers.iter().map(Mixing::alone).collect()),
+            Layer::Gcn => Prepared::Gcn(layers.to_vec()),
+            Layer::Gat => Prepared::Gat(pairs().map(|w| [w[0].clone(), w[1].clone()]).collect()),
+        }
     }
 
     /// [`Self::forward`] with what is [`Self::prepared`] of this trunk.
     pub fn forward_with<T: Tape<E, Cpu>>(
         &self,
-        layers: &[Prepared<E>],
+        layers: &Prepared<E>,
         x: Matrix<E, T>,
         graph: &Arc<Graph<E>>,
     ) -> Matrix<E, T> {
         let TrunkShape { iterations, activation, .. } = self.shape;
         let encoded = encode(x, &self.parameters[0], &self.parameters[1], activation);
-        layers.iter().fold(encoded, |x, layer| match layer {
-            Prepared::Sggc(mixing) => sggc(x, graph, mixing, iterations, activation),
-            Prepared::Gcn(w) => gcn(x, graph, w, activation),
-            Prepared::Gat(w, a) => gat(x, graph, w, a, activation),
-            Prepared::Pointwise(weights) => pointwise(x, weights, iterations, activation),
-        })
+        match layers {
+            Prepared::Sggc(layers) => sggc(encoded, graph, layers, iterations, activation),
+            Prepared::Gcn(layers) => {
+                layers.iter().fold(encoded, |x, w| gcn(x, graph, w, activation))
+            }
+            Prepared::Gat(layers) => {
+                layers.iter().fold(encoded, |x, [w, a]| gat(x, graph, w, a, activation))
+            }
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 //! A tape cannot leave its thread, and a step has two halves with a decision between them (the head is solved on
 //! the Gram matrices of the whole batch), so every shard keeps its tapes and waits. Member i of a batch goes to
 //! shard i modulo their number, so that they share evenly. Sums run over the members of a shard in order, then over
-//! the shards in order: the bits depend on the number of shards alone. A lone shard deals its products to all threads.
+//! the shards in order: the bits depend on the number of shards alone. A lone shard deals the rows of its members to all threads.
 
 use std::sync::Arc;
 
@@ -11,9 +11,9 @@ use crossbeam::channel::{Receiver, Sender, bounded};
 use dfdx::prelude::*;
 
 use super::head::{Grams, Head};
-use super::network::{Prepared, Trunk};
-use super::ops::product::deal_products;
-use super::ops::rayleigh::{Term, rayleigh};
+use super::network::Trunk;
+use super::ops::dealt::deal_rows;
+use super::ops::rayleigh::{MemberPencil, Term, rayleigh};
 use super::ops::real::add;
 use super::ops::{Matrix, lent};
 use super::sample::Sample;
@@ -48,7 +48,7 @@ impl Shards {
                     let (gradients_out, gradients) = bounded(1);
                     scope.spawn(move || {
                         if count == 1 {
-                            deal_products();
+                            deal_rows();
                         }
                         serve(samples, &inbox, &grams_out, &gradients_out);
                     });
@@ -105,8 +105,6 @@ fn receive<T>(from: &Receiver<T>) -> T {
     from.recv().unwrap_or_else(|_| panic!("a training shard has panicked"))
 }
 
-type Taped = Matrix<f32, OwnedTape<f32, Cpu>>;
-
 /// The life of one shard: orders in, matrices out, until the coordinator hangs up.
 fn serve(
     samples: &[Sample],
@@ -114,33 +112,18 @@ fn serve(
     grams_out: &Sender<Grams>,
     gradients_out: &Sender<Vec<Vec<f32>>>,
 ) {
-    let device = Cpu::default();
-    let mut trunk = None;
-    let mut taped: Vec<(&Sample, Taped)> = Vec::new();
+    let mut passed = None;
     while let Ok(order) = orders.recv() {
         let delivered = match order {
-            Order::Forward { trunk: newest, members } => {
-                taped.clear();
-                let layers = newest.prepared();
-                let mut sum = Grams::zeros(newest.shape().width);
-                for sample in members.into_iter().map(|member| &samples[member]) {
-                    taped.push((sample, forward(sample, &newest, &layers, &device, &mut sum)));
-                }
-                trunk = Some(newest);
+            Order::Forward { trunk, members } => {
+                let members = members.into_iter().map(|member| &samples[member]).collect();
+                let (forward, sum) = Passed::forward(trunk, members);
+                passed = Some(forward);
                 grams_out.send(sum).is_ok()
             }
             Order::Backward { terms } => {
-                let Some(trunk) = &trunk else { continue };
-                // Empty when the batch left nothing to this shard.
-                let sum = taped
-                    .drain(..)
-                    .map(|(sample, features)| {
-                        let loss = rayleigh(features, &terms, &sample.pencil);
-                        let mut gradients = loss.backward();
-                        trunk.parameters().iter().map(|p| take(&mut gradients, p)).collect()
-                    })
-                    .reduce(add_all);
-                gradients_out.send(sum.unwrap_or_default()).is_ok()
+                let Some(passed) = passed.take() else { continue };
+                gradients_out.send(passed.backward(&terms)).is_ok()
             }
         };
         if !delivered {
@@ -149,19 +132,36 @@ fn serve(
     }
 }
 
-/// The features of one member on a tape of their own; adds their Gram matrices to `sum`.
-fn forward(
-    sample: &Sample,
-    trunk: &Trunk<f32>,
-    layers: &[Prepared<f32>],
-    device: &Cpu,
-    sum: &mut Grams,
-) -> Taped {
-    let x = sample.input.tensor(device).put_tape(OwnedTape::default());
-    let features = trunk.forward_with(layers, x, &sample.input.graph);
-    let (stiffness, mass) = (&sample.stiffness, &sample.mass);
-    sum.include(&lent(&features), stiffness, mass, &sample.pencil.deflation);
-    features
+/// Forward passes that wait for their way back: all members on one tape, so that their gradients are added where they
+/// are made.
+struct Passed {
+    trunk: Trunk<f32>,
+    tape: OwnedTape<f32, Cpu>,
+    features: Vec<(Matrix<f32>, Arc<MemberPencil>)>,
+}
+
+impl Passed {
+    /// The features of some members, and the sums of their Gram matrices.
+    fn forward(trunk: Trunk<f32>, members: Vec<&Sample>) -> (Self, Grams) {
+        let (device, layers) = (Cpu::default(), trunk.prepared());
+        let mut sum = Grams::zeros(trunk.shape().width);
+        let mut tape = OwnedTape::default();
+        let mut all = Vec::with_capacity(members.len());
+        for Sample { input, stiffness, mass, pencil } in members {
+            let x = input.tensor(&device).put_tape(tape);
+            let (features, rest) = trunk.forward_with(&layers, x, &input.graph).split_tape();
+            sum.include(&lent(&features), stiffness, mass, &pencil.deflation);
+            all.push((features, pencil.clone()));
+            tape = rest;
+        }
+        (Self { trunk, tape, features: all }, sum)
+    }
+
+    /// The gradient of every parameter. Nothing is left that shares the trunk, or its optimiser would change a copy.
+    fn backward(self, terms: &Arc<Vec<Term>>) -> Vec<Vec<f32>> {
+        let mut gradients = rayleigh(self.features, terms, self.tape).backward();
+        self.trunk.parameters().iter().map(|parameter| take(&mut gradients, parameter)).collect()
+    }
 }
 
 /// The gradient of one parameter.

@@ -26,12 +26,17 @@ impl Activation {
     pub fn apply<E: Real>(self, x: &[E]) -> Activated<E> {
         // Values are given away to a tensor, slopes come back after the backward pass.
         let (mut values, mut slopes) = (vec![E::default(); x.len()], Loan::of(x.len()));
-        match self {
-            Self::Sin => E::sin_cos_all(x, &mut values, &mut slopes),
-            Self::Tanh => tanh_all(x, &mut values, &mut slopes),
-            Self::Relu => relu_all(x, &mut values, &mut slopes),
-        }
+        self.apply_to(x, &mut values, &mut slopes);
         Activated { values, slopes }
+    }
+
+    /// The same, to buffers as long as x.
+    pub fn apply_to<E: Real>(self, x: &[E], values: &mut [E], slopes: &mut [E]) {
+        match self {
+            Self::Sin => E::sin_cos_all(x, values, slopes),
+            Self::Tanh => tanh_all(x, values, slopes),
+            Self::Relu => relu_all(x, values, slopes),
+        }
     }
 
     /// x ← σ(x) for every entry: the values of [`Self::apply`].

@@ -69,16 +69,17 @@ impl<E: Real> Graph<E> {
         self.forward.for_each_row(rows, x, h, 0..h, write);
     }
 
-    /// Wᵀ x for the given columns x of a row-major matrix with rows of length `stride`.
-    pub fn for_each_transposed_row(
+    /// The given rows of Wᵀ x, for the given columns x of a row-major matrix with rows of length `stride`.
+    pub fn for_transposed_rows(
         &self,
+        rows: Range<usize>,
         matrix: &[E],
         stride: usize,
         columns: Range<usize>,
         write: impl FnMut(usize, &[E]),
     ) {
         let backward = self.backward.get_or_init(|| self.forward.transposed());
-        backward.for_each_row(0..self.n(), matrix, stride, columns, write);
+        backward.for_each_row(rows, matrix, stride, columns, write);
     }
 }
 
@@ -185,7 +186,7 @@ mod tests {
                 seen += 1;
             });
             assert_eq!(seen, 4);
-            graph.for_each_transposed_row(&x, h, 0..h, |i, row| {
+            graph.for_transposed_rows(0..graph.n(), &x, h, 0..h, |i, row| {
                 let close = |(j, v): (usize, &f64)| (v - product(&turned, i, j)).abs() < 1e-15;
                 assert!(row.iter().enumerate().all(close));
             });

@@ -25,16 +25,36 @@ pub struct Loan<E: Real> {
 impl<E: Real> Loan<E> {
     /// `len` numbers, whatever they are.
     pub fn of(len: usize) -> Self {
-        let fits = |buffer: &Vec<E>| buffer.len() >= len && buffer.len() <= 2 * len;
+        // A much longer one would be missing where it is needed, again and again.
+        let fits = |buffer: &Vec<E>| buffer.len() >= len && buffer.len() <= len + len / 4;
         let found = E::shelf()
             .with_borrow_mut(|shelf| shelf.iter().rposition(fits).map(|at| shelf.swap_remove(at)));
         Self { buffer: found.unwrap_or_else(|| vec![E::default(); len]), len }
     }
 }
 
+impl<E: Real> Loan<E> {
+    /// Gives the buffer away: to a tensor, whose gradient is a buffer that may come in its place.
+    pub fn into_vec(mut self) -> Vec<E> {
+        let mut buffer = std::mem::take(&mut self.buffer);
+        buffer.truncate(self.len);
+        buffer
+    }
+}
+
+/// A buffer that comes to the shelf from elsewhere.
+impl<E: Real> From<Vec<E>> for Loan<E> {
+    fn from(buffer: Vec<E>) -> Self {
+        Self { len: buffer.len(), buffer }
+    }
+}
+
 impl<E: Real> Drop for Loan<E> {
     fn drop(&mut self) {
         let buffer = std::mem::take(&mut self.buffer);
+        if buffer.is_empty() {
+            return;
+        }
         // A thread that ends has no shelf any more.
         let _ = E::shelf().try_with(|shelf| {
             let mut shelf = shelf.borrow_mut();
@@ -70,8 +90,8 @@ mod tests {
         first[7] = 3.0;
         let place = first.as_ptr();
         drop(first);
-        let again = Loan::<f32>::of(60);
-        assert_eq!((again.as_ptr(), again.len(), again[7]), (place, 60, 3.0));
-        assert_ne!(Loan::<f32>::of(60).as_ptr(), place);
+        let again = Loan::<f32>::of(90);
+        assert_eq!((again.as_ptr(), again.len(), again[7]), (place, 90, 3.0));
+        assert_ne!(Loan::<f32>::of(90).as_ptr(), place);
     }
 }

@@ -4,27 +4,29 @@
 //! traced input, computes in one pass, and pushes one backward closure.
 //!
 //! - [`real`]: the scalar types, dense products, sine and cosine in bulk
-//! - [`product`]: products of single precision with a matrix that is packed once
+//! - [`product`]: products with a matrix that is packed once
+//! - [`lane`]: wide registers of either precision
+//! - [`dealt`]: rows that all threads work on
 //! - [`loan`]: buffers that one step leaves to the next
 //! - [`graph`]: sparse times dense
 //! - [`activation`]: the functions between layers
 //! - [`encoder`]: ENC of (28)
 //! - [`decoder`]: DEC of (27), where it is trained
-//! - [`sggc`]: the SGGC layer of (29)
-//! - [`pointwise`]: the same without its neighbours
+//! - [`sggc`]: the SGGC layers of (29), with their neighbours and without
 //! - [`gcn`], [`gat`]: the layers that the paper compares it with
 //! - [`rayleigh`]: the Rayleigh quotient of a solved head, what `ritz` trains on
 //! - [`losses`]: the paper's loss terms (24)–(26)
 
 pub mod activation;
+pub mod dealt;
 pub mod decoder;
 pub mod encoder;
 pub mod gat;
 pub mod gcn;
 pub mod graph;
+pub mod lane;
 pub mod loan;
 pub mod losses;
-pub mod pointwise;
 pub mod product;
 pub mod rayleigh;
 pub mod real;

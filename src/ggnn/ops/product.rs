@@ -1,67 +1,94 @@
-//! How fast can a product in single precision be when its matrices are as narrow as a layer? A kernel for those alone.
+//! How fast can a product be when its matrices are as narrow as a layer? A kernel for those alone, in either precision.
 //!
 //! C = A B or C += A B. B is packed once, in panels a few registers wide, for as many products as there are; a block of C stays
 //! in registers while k runs. Every entry of C is one sum over k in its order: its bits do not depend on how the rows of A are
 //! dealt out.
 
-use std::cell::Cell;
 use std::ops::Range;
 
 use faer::Accum;
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
+
+use super::lane::Lane;
 
 /// A matrix whose rows or columns lie in one piece each.
 #[derive(Debug, Clone, Copy)]
-pub enum Layout<'a> {
+pub enum Layout<'a, E> {
     /// Row-major: entries, and how far it is from one row to the next.
-    Rows(&'a [f32], usize),
+    Rows(&'a [E], usize),
     /// Column-major: entries, and how far it is from one column to the next.
-    Columns(&'a [f32], usize),
+    Columns(&'a [E], usize),
 }
 
 /// A matrix B, k×n, in panels.
 #[derive(Debug, Clone, Default)]
-pub struct Panels {
+pub struct Panels<E> {
     k: usize,
     n: usize,
     /// Columns in a panel.
     width: usize,
     /// Panel after panel, each row by row, with zeros beyond the last column.
-    entries: Vec<f32>,
+    entries: Vec<E>,
     /// Where the first panel starts.
     start: usize,
 }
 
-/// Numbers in a line of the cache. Registers that straddle two lines take twice as long to load.
-const LINE: usize = 16;
+/// Which entries of a product are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    All,
+    /// Those on the diagonal and below it; what becomes of the others is not said.
+    Lower,
+}
 
-/// So many rows of B are worked on at a time: part of a panel then stays near.
+/// Bytes in a line of the cache. Registers that straddle two lines take twice as long to load.
+const LINE: usize = 64;
+
+/// So many rows of B are worked on at a time: their part of a panel then stays near.
 const DEPTH: usize = 128;
 
-impl Panels {
+impl<E: Lane> Panels<E> {
     /// Packs b, k×n.
-    pub fn of(b: Layout<'_>, k: usize, n: usize) -> Self {
+    pub fn of(b: Layout<'_, E>, k: usize, n: usize) -> Self {
         let mut panels = Self::default();
         panels.pack(b, k, n);
         panels
     }
 
     /// Packs b, k×n, in the place of what was packed before.
-    pub fn pack(&mut self, b: Layout<'_>, k: usize, n: usize) {
-        let width = Arch::new().dispatch(Width);
-        let size = n.div_ceil(width) * width * k;
-        // What lies beyond the last column of a packing of other sizes need not be zero.
-        if (self.k, self.n) != (k, n) {
-            self.entries.clear();
-            self.entries.resize(size + LINE, 0.0);
-        }
-        (self.k, self.n, self.width) = (k, n, width);
-        self.start = self.entries.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
+    pub fn pack(&mut self, b: Layout<'_, E>, k: usize, n: usize) {
+        self.resize(k, n);
+        let (width, size) = (self.width, self.size());
         let panels = &mut self.entries[self.start..][..size];
         for (at, panel) in panels.chunks_exact_mut((width * k).max(1)).enumerate() {
             pack(b, at * width..n.min((at + 1) * width), panel, width);
         }
+    }
+
+    /// Room for k×n entries, which [`Self::set_row`] packs one row after the other.
+    pub fn resize(&mut self, k: usize, n: usize) {
+        self.width = Arch::new().dispatch(Width(E::default()));
+        // What lies beyond the last column of a packing of other sizes need not be zero.
+        if (self.k, self.n) != (k, n) {
+            (self.k, self.n) = (k, n);
+            self.entries.clear();
+            self.entries.resize(self.size() + LINE / size_of::<E>(), E::default());
+        }
+        let start = self.entries.as_ptr().align_offset(LINE);
+        self.start = start.min(LINE / size_of::<E>());
+    }
+
+    /// Row `row` of B, n entries.
+    pub fn set_row(&mut self, row: usize, entries: &[E]) {
+        let (width, size) = (self.width, self.size());
+        let panels = self.entries[self.start..][..size].chunks_exact_mut(width * self.k);
+        for (panel, entries) in panels.zip(entries.chunks(width)) {
+            panel[row * width..][..entries.len()].copy_from_slice(entries);
+        }
+    }
+
+    fn size(&self) -> usize {
+        self.n.div_ceil(self.width) * self.width * self.k
     }
 
     /// k.
@@ -75,50 +102,20 @@ impl Panels {
     }
 
     /// C = A B or C += A B, for C, m×n with rows `stride` apart, and A, m×k.
-    pub fn multiply(&self, c: &mut [f32], stride: usize, a: Layout<'_>, m: usize, accum: Accum) {
-        if !DEALT.get() || m * self.n * self.k < WORTH_DEALING {
-            Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum });
-            return;
-        }
-        c.par_chunks_mut(DEALT_ROWS * stride).enumerate().for_each(|(chunk, c)| {
-            let first = chunk * DEALT_ROWS;
-            let m = DEALT_ROWS.min(m.saturating_sub(first));
-            let a = a.rows_after(first);
-            Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum });
-        });
+    pub fn multiply(&self, c: &mut [E], stride: usize, a: Layout<'_, E>, m: usize, accum: Accum) {
+        let wanted = Wanted::All;
+        Arch::new().dispatch(Product { panels: self, c, stride, a, m, accum, wanted });
+    }
+
+    /// The lower triangle of C += A B, for row-major C, n×n, and A, n×k. What becomes of the entries above it is not said.
+    pub fn add_lower_product(&self, c: &mut [E], a: Layout<'_, E>) {
+        let (n, accum, wanted) = (self.n, Accum::Add, Wanted::Lower);
+        Arch::new().dispatch(Product { panels: self, c, stride: n, a, m: n, accum, wanted });
     }
 }
-
-impl Layout<'_> {
-    /// The rows from `first` on.
-    fn rows_after(self, first: usize) -> Self {
-        match self {
-            Self::Rows(a, stride) => {
-                Self::Rows(a.get(first * stride..).unwrap_or_default(), stride)
-            }
-            Self::Columns(a, stride) => Self::Columns(a.get(first..).unwrap_or_default(), stride),
-        }
-    }
-}
-
-thread_local! {
-    static DEALT: Cell<bool> = const { Cell::new(false) };
-}
-
-/// From now on the larger products of this thread are dealt to all threads: for one that has no others beside it. No bit
-/// depends on it.
-pub fn deal_products() {
-    DEALT.set(true);
-}
-
-/// Rows of C that go to a thread at a time.
-const DEALT_ROWS: usize = 48;
-
-/// Multiplications in a product, below which it is not worth while to wake another thread.
-const WORTH_DEALING: usize = 2_000_000;
 
 /// The given columns of b as a panel.
-fn pack(b: Layout<'_>, columns: Range<usize>, panel: &mut [f32], width: usize) {
+fn pack<E: Lane>(b: Layout<'_, E>, columns: Range<usize>, panel: &mut [E], width: usize) {
     match b {
         Layout::Rows(entries, stride) => {
             for (place, row) in panel.chunks_exact_mut(width).zip(entries.chunks(stride)) {
@@ -126,38 +123,44 @@ fn pack(b: Layout<'_>, columns: Range<usize>, panel: &mut [f32], width: usize) {
             }
         }
         Layout::Columns(entries, stride) => {
-            for (place, column) in columns.enumerate() {
-                let places = panel.iter_mut().skip(place).step_by(width);
-                places.zip(&entries[column * stride..]).for_each(|(to, &from)| *to = from);
+            // A line of every column at a time: the rows that they go to are still near when the next column comes.
+            let rows = LINE / size_of::<E>();
+            for (first, panel) in panel.chunks_mut(rows * width).enumerate() {
+                for (place, column) in columns.clone().enumerate() {
+                    let places = panel.iter_mut().skip(place).step_by(width);
+                    let column = &entries[column * stride + first * rows..];
+                    places.zip(column).for_each(|(to, &from)| *to = from);
+                }
             }
         }
     }
 }
 
-/// The columns of a panel.
-struct Width;
+/// The columns of a panel, for entries like this one.
+struct Width<E>(E);
 
-impl WithSimd for Width {
+impl<E: Lane> WithSimd for Width<E> {
     type Output = usize;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> usize {
-        S::F32_LANES * if S::REGISTER_COUNT >= 32 { 4 } else { 2 }
+        E::lanes::<S>() * if S::REGISTER_COUNT >= 32 { 4 } else { 2 }
     }
 }
 
-struct Product<'a, 'b> {
-    panels: &'b Panels,
-    c: &'a mut [f32],
+struct Product<'a, 'b, E> {
+    panels: &'b Panels<E>,
+    c: &'a mut [E],
     stride: usize,
-    a: Layout<'b>,
+    a: Layout<'b, E>,
     m: usize,
     accum: Accum,
+    wanted: Wanted,
 }
 
 /// A part of a panel: so many of its rows from `depth` on, over these columns of C.
-struct Slab<'a> {
-    entries: &'a [f32],
+struct Slab<'a, E> {
+    entries: &'a [E],
     rows: usize,
     depth: usize,
     columns: Range<usize>,
@@ -166,7 +169,7 @@ struct Slab<'a> {
 /// Rows of C that stay in registers.
 const BLOCK: usize = 6;
 
-impl WithSimd for Product<'_, '_> {
+impl<E: Lane> WithSimd for Product<'_, '_, E> {
     type Output = ();
 
     #[inline(always)]
@@ -175,13 +178,18 @@ impl WithSimd for Product<'_, '_> {
     }
 }
 
-impl Product<'_, '_> {
+impl<E: Lane> Product<'_, '_, E> {
     /// Panel by panel, [`DEPTH`] rows of B at a time, [`BLOCK`] rows of C at a time.
     #[inline(always)]
     fn all<S: Simd, const N: usize>(mut self, simd: S) {
         let &Panels { k, n, width, ref entries, start } = self.panels;
         for first in (0..n).step_by(width) {
             let panel = &entries[start + first * k..][..width * k];
+            let begin = match self.wanted {
+                Wanted::All => 0,
+                Wanted::Lower => first,
+            };
+            let whole = self.m - (self.m - begin) % BLOCK;
             for depth in (0..k.max(1)).step_by(DEPTH) {
                 let rows = DEPTH.min(k - depth);
                 let slab = Slab {
@@ -190,8 +198,7 @@ impl Product<'_, '_> {
                     depth,
                     columns: first..n.min(first + width),
                 };
-                let whole = self.m - self.m % BLOCK;
-                for row in (0..whole).step_by(BLOCK) {
+                for row in (begin..whole).step_by(BLOCK) {
                     self.block::<S, BLOCK, N>(simd, &slab, row);
                 }
                 for row in whole..self.m {
@@ -206,10 +213,10 @@ impl Product<'_, '_> {
     fn block<S: Simd, const M: usize, const N: usize>(
         &mut self,
         simd: S,
-        slab: &Slab<'_>,
+        slab: &Slab<'_, E>,
         row: usize,
     ) {
-        let mut sums = [[simd.splat_f32s(0.0); N]; M];
+        let mut sums = [[E::splat(simd, E::default()); N]; M];
         if slab.depth > 0 || matches!(self.accum, Accum::Add) {
             for (i, sums) in sums.iter_mut().enumerate() {
                 *sums = load(simd, &self.c[(row + i) * self.stride..][slab.columns.clone()]);
@@ -218,7 +225,7 @@ impl Product<'_, '_> {
         // By value: sums that are lent out would be kept in memory.
         let sums = match self.a {
             Layout::Rows(a, stride) => {
-                let mut rows: [&[f32]; M] = [&[]; M];
+                let mut rows: [&[E]; M] = [&[]; M];
                 for (i, row_of_a) in rows.iter_mut().enumerate() {
                     *row_of_a = &a[(row + i) * stride + slab.depth..][..slab.rows];
                 }
@@ -237,39 +244,39 @@ impl Product<'_, '_> {
 
 /// Part of a row of C, as wide as a panel or less.
 #[inline(always)]
-fn load<S: Simd, const N: usize>(simd: S, c: &[f32]) -> [S::f32s; N] {
-    let (registers, _) = S::as_simd_f32s(c);
-    if let Ok(registers) = <&[S::f32s; N]>::try_from(registers) {
+fn load<E: Lane, S: Simd, const N: usize>(simd: S, c: &[E]) -> [E::Register<S>; N] {
+    let registers = E::registers::<S>(c);
+    if let Ok(registers) = <&[E::Register<S>; N]>::try_from(registers) {
         return *registers;
     }
-    let mut sums = [simd.splat_f32s(0.0); N];
-    for (sum, c) in sums.iter_mut().zip(c.chunks(S::F32_LANES)) {
-        *sum = simd.partial_load_f32s(c);
+    let mut sums = [E::splat(simd, E::default()); N];
+    for (sum, c) in sums.iter_mut().zip(c.chunks(E::lanes::<S>())) {
+        *sum = E::load_part(simd, c);
     }
     sums
 }
 
 #[inline(always)]
-fn store<S: Simd, const N: usize>(simd: S, sums: [S::f32s; N], c: &mut [f32]) {
-    let (registers, _) = S::as_mut_simd_f32s(c);
-    if let Ok(registers) = <&mut [S::f32s; N]>::try_from(registers) {
+fn store<E: Lane, S: Simd, const N: usize>(simd: S, sums: [E::Register<S>; N], c: &mut [E]) {
+    let registers = E::registers_mut::<S>(c);
+    if let Ok(registers) = <&mut [E::Register<S>; N]>::try_from(registers) {
         *registers = sums;
         return;
     }
-    for (sum, c) in sums.into_iter().zip(c.chunks_mut(S::F32_LANES)) {
-        simd.partial_store_f32s(c, sum);
+    for (sum, c) in sums.into_iter().zip(c.chunks_mut(E::lanes::<S>())) {
+        E::store_part(simd, c, sum);
     }
 }
 
 /// sums += A B for `M` rows of A, each as long as the slab has rows.
 #[inline(always)]
-fn add_rows<S: Simd, const M: usize, const N: usize>(
+fn add_rows<E: Lane, S: Simd, const M: usize, const N: usize>(
     simd: S,
-    mut sums: [[S::f32s; N]; M],
-    a: [&[f32]; M],
-    slab: &Slab<'_>,
-) -> [[S::f32s; N]; M] {
-    let (entries, _) = S::as_simd_f32s(slab.entries);
+    mut sums: [[E::Register<S>; N]; M],
+    a: [&[E]; M],
+    slab: &Slab<'_, E>,
+) -> [[E::Register<S>; N]; M] {
+    let entries = E::registers::<S>(slab.entries);
     for (l, b) in (0..slab.rows).zip(entries.as_chunks::<N>().0) {
         for i in 0..M {
             sums[i] = add_row(simd, sums[i], a[i][l], b);
@@ -280,14 +287,14 @@ fn add_rows<S: Simd, const M: usize, const N: usize>(
 
 /// The same where A is column-major and starts at its first row here.
 #[inline(always)]
-fn add_columns<S: Simd, const M: usize, const N: usize>(
+fn add_columns<E: Lane, S: Simd, const M: usize, const N: usize>(
     simd: S,
-    mut sums: [[S::f32s; N]; M],
-    a: &[f32],
+    mut sums: [[E::Register<S>; N]; M],
+    a: &[E],
     stride: usize,
-    slab: &Slab<'_>,
-) -> [[S::f32s; N]; M] {
-    let (entries, _) = S::as_simd_f32s(slab.entries);
+    slab: &Slab<'_, E>,
+) -> [[E::Register<S>; N]; M] {
+    let entries = E::registers::<S>(slab.entries);
     for (a, b) in a.chunks(stride).zip(entries.as_chunks::<N>().0) {
         let a = &a[..M];
         for i in 0..M {
@@ -299,15 +306,15 @@ fn add_columns<S: Simd, const M: usize, const N: usize>(
 
 /// sums + a b.
 #[inline(always)]
-fn add_row<S: Simd, const N: usize>(
+fn add_row<E: Lane, S: Simd, const N: usize>(
     simd: S,
-    mut sums: [S::f32s; N],
-    a: f32,
-    b: &[S::f32s; N],
-) -> [S::f32s; N] {
-    let a = simd.splat_f32s(a);
+    mut sums: [E::Register<S>; N],
+    a: E,
+    b: &[E::Register<S>; N],
+) -> [E::Register<S>; N] {
+    let a = E::splat(simd, a);
     for j in 0..N {
-        sums[j] = simd.mul_add_e_f32s(a, b[j], sums[j]);
+        sums[j] = E::mul_add(simd, a, b[j], sums[j]);
     }
     sums
 }
@@ -358,23 +365,6 @@ mod tests {
             let mut found = vec![0.0; n];
             panels.multiply(&mut found, n, Layout::Rows(row, k), 1, Accum::Replace);
             assert_eq!(found, expected);
-        }
-    }
-
-    #[test]
-    fn products_that_are_dealt_have_the_same_bits() {
-        let (m, k, n) = (211, 130, 90);
-        let (a, b, c) = (rounded(m * k, 1), rounded(k * n, 2), rounded(m * n, 3));
-        let turned = transposed(&a, k);
-        let panels = Panels::of(Layout::Rows(&b, n), k, n);
-        for a in [Layout::Rows(&a, k), Layout::Columns(&turned, m)] {
-            let mut alone = c.clone();
-            panels.multiply(&mut alone, n, a, m, Accum::Add);
-            let mut dealt = c.clone();
-            DEALT.set(true);
-            panels.multiply(&mut dealt, n, a, m, Accum::Add);
-            DEALT.set(false);
-            assert_eq!(alone, dealt);
         }
     }
 

@@ -8,8 +8,11 @@
 use std::sync::Arc;
 
 use dfdx::prelude::*;
+use faer::Accum;
 
-use super::real::{Real, axpy, widely};
+use super::dealt::{self, ROWS};
+use super::product::Layout;
+use super::real::{Real, widely};
 use super::{Matrix, Scalar, lent};
 use crate::ggnn::deflation::Deflation;
 use crate::operators::Sparse;
@@ -39,10 +42,32 @@ pub struct Term {
 
 /// F w in double precision, n.
 pub fn decode<E: Real>(features: &[E], head: &[f64]) -> Vec<f64> {
-    features
-        .chunks_exact(head.len())
-        .map(|row| row.iter().zip(head).map(|(f, w)| f.wide() * w).sum())
-        .collect()
+    let mut values = vec![0.0; features.len() / head.len()];
+    widely(
+        #[inline(always)]
+        || {
+            for (value, row) in values.iter_mut().zip(features.chunks_exact(head.len())) {
+                *value = dot(row, head);
+            }
+        },
+    );
+    values
+}
+
+/// Σ fⱼ wⱼ, in as many partial sums as fill wide registers.
+#[inline(always)]
+fn dot<E: Real>(f: &[E], w: &[f64]) -> f64 {
+    const PARTS: usize = 16;
+    let mut parts = [0.0; PARTS];
+    let (f, f_rest) = f.as_chunks::<PARTS>();
+    let (w, w_rest) = w.as_chunks::<PARTS>();
+    for (f, w) in f.iter().zip(w) {
+        for i in 0..PARTS {
+            parts[i] += f[i].wide() * w[i];
+        }
+    }
+    let rest: f64 = f_rest.iter().zip(w_rest).map(|(f, w)| f.wide() * w).sum();
+    parts.iter().sum::<f64>() + rest
 }
 
 /// P F w in double precision for every head w, n each.
@@ -51,40 +76,50 @@ fn deflated_predictions<E: Real>(
     terms: &[Term],
     deflation: &Deflation,
 ) -> Vec<Vec<f64>> {
-    let (heads, h) = (terms.len(), terms.first().map_or(1, |term| term.head.len()));
-    // The weights of all heads for one feature side by side.
-    let mut weights = Vec::with_capacity(h * heads);
-    (0..h).for_each(|j| weights.extend(terms.iter().map(|term| term.head[j])));
-    let mut rows = vec![0.0; features.len() / h * heads];
-    widely(
-        #[inline(always)]
-        || {
-            for (row, features) in rows.chunks_exact_mut(heads).zip(features.chunks_exact(h)) {
-                for (f, weights) in features.iter().zip(weights.chunks_exact(heads)) {
-                    axpy(f.wide(), weights, row);
-                }
-            }
-        },
-    );
-    let prediction = |k: usize| {
-        let mut u: Vec<f64> = rows.iter().skip(k).step_by(heads).copied().collect();
+    let prediction = |term: &Term| {
+        let mut u = decode(features, &term.head);
         deflation.apply(&mut u);
         u
     };
-    (0..heads).map(prediction).collect()
+    terms.iter().map(prediction).collect()
 }
 
-/// The share of one member in the linearised Rayleigh quotients; see the module's first lines.
+/// The share of some members in the linearised Rayleigh quotients, from the features of each; see the module's first lines.
 pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
-    features: Matrix<E, T>,
+    members: Vec<(Matrix<E>, Arc<MemberPencil>)>,
     terms: &Arc<Vec<Term>>,
-    member: &Arc<MemberPencil>,
+    mut tape: T,
 ) -> Scalar<E, T> {
-    let (features, mut tape) = features.split_tape();
-    let predictions = deflated_predictions(&lent(&features), terms, &member.deflation);
+    let mut value = 0.0;
+    let mut shares = Vec::with_capacity(members.len());
+    for (features, member) in members {
+        let (share, residuals) = linearised(&features, terms, &member);
+        value += share;
+        shares.push((features.ghost(), residuals, member));
+    }
+    let out = Cpu::default().tensor_from_vec(vec![E::round(value)], ());
+    let (out_ghost, terms) = (out.ghost(), terms.clone());
+    tape.add_backward_op(move |grads| {
+        let outer = grads.get_or_alloc_mut(&out_ghost)?[0].wide();
+        for (features, residuals, member) in &mut shares {
+            let d_features = grads.get_or_alloc_mut(features)?;
+            add_gradient(d_features, residuals, &terms, &member.deflation, outer);
+        }
+        Ok(())
+    });
+    out.put_tape(tape)
+}
+
+/// Σ w uᵀ(L − RB)u of one member, and (L − RB)u for every head.
+fn linearised<E: Real>(
+    features: &Matrix<E>,
+    terms: &[Term],
+    member: &MemberPencil,
+) -> (f64, Vec<Vec<f64>>) {
+    let predictions = deflated_predictions(&lent(features), terms, &member.deflation);
     let mut value = 0.0;
     let mut residuals = Vec::with_capacity(terms.len());
-    for (u, term) in predictions.iter().zip(&**terms) {
+    for (u, term) in predictions.iter().zip(terms) {
         let [mut residual, mut bu] = [vec![0.0; u.len()], vec![0.0; u.len()]];
         apply(&member.stiffness, u, &mut residual);
         apply(&member.mass, u, &mut bu);
@@ -92,28 +127,34 @@ pub fn rayleigh<E: Real, T: Tape<E, Cpu>>(
         value += term.weight * u.iter().zip(&residual).map(|(u, r)| u * r).sum::<f64>();
         residuals.push(residual);
     }
-    let out = features.device().tensor_from_vec(vec![E::round(value)], ());
-    let (out_ghost, f_ghost) = (out.ghost(), features.ghost());
-    let (terms, member) = (terms.clone(), member.clone());
-    tape.add_backward_op(move |grads| {
-        let outer = grads.get_or_alloc_mut(&out_ghost)?[0].wide();
-        let d_features = grads.get_or_alloc_mut(&f_ghost)?;
-        for (residual, term) in residuals.iter_mut().zip(&*terms) {
-            member.deflation.apply_transposed(residual);
-            let scale = 2.0 * outer * term.weight;
-            let weights: Vec<E> = term.head.iter().map(|&w| E::round(w)).collect();
-            widely(
-                #[inline(always)]
-                || {
-                    for (row, r) in d_features.chunks_exact_mut(weights.len()).zip(&*residual) {
-                        axpy(E::round(scale * r), &weights, row);
-                    }
-                },
-            );
-        }
-        Ok(())
+    (value, residuals)
+}
+
+/// Adds Σ 2w Pᵀ(L − RB)u wᵀ to the gradient of one member's features.
+fn add_gradient<E: Real>(
+    d_features: &mut [E],
+    residuals: &mut [Vec<f64>],
+    terms: &[Term],
+    deflation: &Deflation,
+    outer: f64,
+) {
+    let (heads, n) = (terms.len(), residuals.first().map_or(0, Vec::len));
+    let h = d_features.len() / n.max(1);
+    // Row i: what each head asks of vertex i; and the heads themselves.
+    let (mut asked, mut weights) = (vec![E::default(); n * heads], Vec::with_capacity(heads * h));
+    for (k, (residual, term)) in residuals.iter_mut().zip(terms).enumerate() {
+        deflation.apply_transposed(residual);
+        let scale = 2.0 * outer * term.weight;
+        let places = asked.iter_mut().skip(k).step_by(heads);
+        places.zip(&*residual).for_each(|(asked, r)| *asked = E::round(scale * r));
+        weights.extend(term.head.iter().map(|&w| E::round(w)));
+    }
+    let weights = E::pack(&weights, heads, h);
+    let chunks = d_features.chunks_mut(ROWS * h).zip(asked.chunks(ROWS * heads));
+    dealt::for_each(chunks, |(d_features, asked)| {
+        let rows = Layout::Rows(asked, heads);
+        weights.multiply(d_features, h, rows, d_features.len() / h, Accum::Add);
     });
-    out.put_tape(tape)
 }
 
 #[cfg(test)]
@@ -140,7 +181,7 @@ mod tests {
         let terms = Arc::new(vec![term(9, 1.7, 0.4), term(11, 0.3, 1.9)]);
         check(&[values(n * h, 1)], |dev, p, tape| {
             let f = dev.tensor_from_vec(p[0].clone(), (n, h));
-            let loss = rayleigh(f.clone().put_tape(tape), &terms, &member);
+            let loss = rayleigh(vec![(f.clone(), member.clone())], &terms, tape);
             (loss, Box::new(move |g| vec![g.get(&f).as_vec()]))
         });
     }
@@ -166,11 +207,8 @@ mod tests {
         let f = values(n * h, 1);
         let dev = Cpu::default();
         let tensor = dev.tensor_from_vec(f.clone(), (n, h));
-        let loss = rayleigh(
-            tensor.clone().put_tape(OwnedTape::default()),
-            &Arc::new(vec![term(&f)]),
-            &member,
-        );
+        let members = vec![(tensor.clone(), member.clone())];
+        let loss = rayleigh(members, &Arc::new(vec![term(&f)]), OwnedTape::default());
         let gradient = loss.backward().get(&tensor).as_vec();
         for entry in 0..n * h {
             let at = |delta: f64| {

@@ -1,17 +1,19 @@
 //! The two scalar types of the network, and the dense kernels that both need.
 
 use std::cell::RefCell;
+use std::thread::LocalKey;
 
 use dfdx::dtypes::Dtype;
 use faer::linalg::matmul::matmul_with_conj;
 use faer::{Accum, Conj, MatMut, MatRef, Par};
 use pulp::{Arch, NullaryFnOnce};
 
+use super::lane::Lane;
 use super::loan::Shelf;
 use super::product::{Layout, Panels};
 
 /// `f32`, which trains and predicts, or `f64`, which checks it.
-pub trait Real: Dtype + faer::traits::RealField {
+pub trait Real: Dtype + faer::traits::RealField + Lane {
     /// Rounds from double precision.
     fn round(x: f64) -> Self;
     /// Widens to double precision.
@@ -24,16 +26,29 @@ pub trait Real: Dtype + faer::traits::RealField {
     /// The buffers that this thread has at hand.
     fn shelf() -> &'static Shelf<Self>;
 
-    /// A matrix B in the form that [`Self::multiply`] wants.
-    type Packed: Clone + std::fmt::Debug + Send + Sync;
+    /// Room for the factor of a product that is used once.
+    fn panels() -> &'static LocalKey<RefCell<Panels<Self>>>;
+
     /// B = bᵀ for row-major b, n×k, for many products.
-    fn pack_transposed(b: &[Self], n: usize, k: usize) -> Self::Packed;
+    fn pack_transposed(b: &[Self], n: usize, k: usize) -> Panels<Self> {
+        Panels::of(Layout::Columns(b, k), k, n)
+    }
     /// B = b for row-major b, k×n, for many products.
-    fn pack(b: &[Self], k: usize, n: usize) -> Self::Packed;
+    fn pack(b: &[Self], k: usize, n: usize) -> Panels<Self> {
+        Panels::of(Layout::Rows(b, n), k, n)
+    }
     /// dst = A B for row-major a, m×k, and dst, m×n.
-    fn multiply(dst: &mut [Self], a: &[Self], m: usize, b: &Self::Packed);
-    /// dst += aᵀ b for row-major a, n×p, b, n×q, and dst, p×q.
-    fn add_transposed_product(dst: &mut [Self], a: &[Self], b: &[Self], n: usize);
+    fn multiply(dst: &mut [Self], a: &[Self], m: usize, b: &Panels<Self>) {
+        b.multiply(dst, b.columns(), Layout::Rows(a, b.rows()), m, Accum::Replace);
+    }
+    /// dst = aᵀ b, or dst += aᵀ b, for row-major a, n×p, b, n×q, and dst, p×q.
+    fn transposed_product(dst: &mut [Self], a: &[Self], b: &[Self], n: usize, accum: Accum) {
+        let [p, q] = [a, b].map(|x| x.len() / n.max(1));
+        Self::panels().with_borrow_mut(|panels| {
+            panels.pack(Layout::Rows(b, q), n, q);
+            panels.multiply(dst, q, Layout::Columns(a, p), p, accum);
+        });
+    }
     /// sum += Σ value · row, rows as long as the sum.
     fn add_rows<'a>(sum: &mut [Self], rows: impl Iterator<Item = (Self, &'a [Self])> + Clone)
     where
@@ -60,21 +75,9 @@ impl Real for f64 {
         }
     }
 
-    /// Row-major, and its sizes.
-    type Packed = (Vec<f64>, usize, usize);
-    fn pack_transposed(b: &[f64], n: usize, k: usize) -> Self::Packed {
-        let column = |j: usize| b.iter().skip(j).step_by(k).copied();
-        ((0..k).flat_map(column).collect(), k, n)
-    }
-    fn pack(b: &[f64], k: usize, n: usize) -> Self::Packed {
-        (b.to_vec(), k, n)
-    }
-    fn multiply(dst: &mut [f64], a: &[f64], m: usize, (b, k, n): &Self::Packed) {
-        gemm(dst, view(a, m, *k), view(b, *k, *n), Accum::Replace);
-    }
-    fn add_transposed_product(dst: &mut [f64], a: &[f64], b: &[f64], n: usize) {
-        let [a, b] = [a, b].map(|x| view(x, n, x.len() / n.max(1)));
-        gemm(dst, a.transpose(), b, Accum::Add);
+    fn panels() -> &'static LocalKey<RefCell<Panels<Self>>> {
+        thread_local!(static PANELS: RefCell<Panels<f64>> = RefCell::default());
+        &PANELS
     }
     #[inline(always)]
     fn add_rows<'a>(sum: &mut [f64], rows: impl Iterator<Item = (f64, &'a [f64])> + Clone) {
@@ -105,22 +108,9 @@ impl Real for f32 {
         );
     }
 
-    type Packed = Panels;
-    fn pack_transposed(b: &[f32], n: usize, k: usize) -> Panels {
-        Panels::of(Layout::Columns(b, k), k, n)
-    }
-    fn pack(b: &[f32], k: usize, n: usize) -> Panels {
-        Panels::of(Layout::Rows(b, n), k, n)
-    }
-    fn multiply(dst: &mut [f32], a: &[f32], m: usize, b: &Panels) {
-        b.multiply(dst, b.columns(), Layout::Rows(a, b.rows()), m, Accum::Replace);
-    }
-    fn add_transposed_product(dst: &mut [f32], a: &[f32], b: &[f32], n: usize) {
-        let [p, q] = [a, b].map(|x| x.len() / n.max(1));
-        PANELS.with_borrow_mut(|panels| {
-            panels.pack(Layout::Rows(b, q), n, q);
-            panels.multiply(dst, q, Layout::Columns(a, p), p, Accum::Add);
-        });
+    fn panels() -> &'static LocalKey<RefCell<Panels<Self>>> {
+        thread_local!(static PANELS: RefCell<Panels<f32>> = RefCell::default());
+        &PANELS
     }
     #[inline(always)]
     fn add_rows<'a>(sum: &mut [f32], rows: impl Iterator<Item = (f32, &'a [f32])> + Clone) {
@@ -143,11 +133,6 @@ impl Real for f32 {
             axpy(value, &row[first..], rest);
         }
     }
-}
-
-thread_local! {
-    /// The factor of the last product of a thread with a matrix that is used once.
-    static PANELS: RefCell<Panels> = RefCell::default();
 }
 
 /// Does `work` in registers as wide as the machine has.

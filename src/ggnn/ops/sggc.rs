@@ -1,15 +1,24 @@
-//! The SGGC layer of (29): x ↦ σ(x^I), σ = sin in the paper, with x^{i+1} = x^i − [x^i w₁ᵀ + 2 (I − W) x^i w₂ᵀ].
+//! SGGC layers of (29), one after the other: x ↦ σ(x^I), σ = sin in the paper, with
+//! x^{i+1} = x^i − [x^i w₁ᵀ + 2 (I − W) x^i w₂ᵀ].
 //!
 //! One iteration is a single dense product: x^{i+1} = [x^i | W x^i] M with M = [I − w₁ᵀ − 2w₂ᵀ ; 2w₂ᵀ], 2h×h.
 //! Backward, with P the gradient of x^{i+1}: dMᵀ = Pᵀ [x | Wx], and [dx | u] = P Mᵀ with Wᵀu added to dx.
+//!
+//! A layer may do without its neighbours, w₂ = 0: then M = I − w₁ᵀ, h×h, and x stands in the place of [x | Wx]. (I − W) x is
+//! small where vertices are close together and large where they are far apart, so that what is learned of it on one
+//! sampling misleads on another; see `docs/training.md` for what that costs. Without it a feature is a function of the
+//! place alone.
 
 use std::sync::Arc;
 
 use dfdx::prelude::*;
+use faer::Accum;
 
-use super::activation::{Activated, Activation};
+use super::activation::Activation;
+use super::dealt::{self, ROWS, rows_of_sum};
 use super::graph::Graph;
 use super::loan::Loan;
+use super::product::Panels;
 use super::real::{Real, add, multiply, widely};
 use super::{Matrix, entries, lent};
 
@@ -17,9 +26,18 @@ use super::{Matrix, entries, lent};
 #[derive(Debug, Clone)]
 pub struct Mixing<E: Real> {
     w1: Matrix<E>,
-    w2: Matrix<E>,
+    /// None where a vertex does not read its neighbours.
+    w2: Option<Matrix<E>>,
     /// M and Mᵀ, for the ways forward and backward.
-    matrices: Arc<[E::Packed; 2]>,
+    matrices: Arc<[Panels<E>; 2]>,
+}
+
+/// What the way back through a layer needs.
+struct Passed<E: Real> {
+    /// [x^i | W x^i], or x^i, of every iteration.
+    inputs: Vec<Loan<E>>,
+    /// σ′.
+    slopes: Loan<E>,
 }
 
 impl<E: Real> Mixing<E> {
@@ -33,95 +51,192 @@ impl<E: Real> Mixing<E> {
             matrix[2 * h * i + i] += E::round(1.0);
             matrix.extend(b.iter().map(|&b| b + b));
         }
-        let matrices = [E::pack_transposed(&matrix, h, 2 * h), E::pack(&matrix, h, 2 * h)];
-        Self { w1: w1.clone(), w2: w2.clone(), matrices: Arc::new(matrices) }
+        Self::of(w1, Some(w2.clone()), &matrix)
+    }
+
+    /// M from Mᵀ = I − w₁, h×h.
+    pub fn alone(w1: &Matrix<E>) -> Self {
+        let &(h, _) = w1.shape();
+        let mut matrix: Vec<E> = entries(w1).into_iter().map(|w| -w).collect();
+        (0..h).for_each(|i| matrix[i * h + i] += E::round(1.0));
+        Self::of(w1, None, &matrix)
+    }
+
+    fn of(w1: &Matrix<E>, w2: Option<Matrix<E>>, matrix: &[E]) -> Self {
+        let &(h, _) = w1.shape();
+        let k = matrix.len() / h;
+        let matrices = [E::pack_transposed(matrix, h, k), E::pack(matrix, h, k)];
+        Self { w1: w1.clone(), w2, matrices: Arc::new(matrices) }
+    }
+
+    /// h, and the columns of [x | Wx] or of x.
+    fn sizes(&self) -> (usize, usize) {
+        (self.matrices[0].columns(), self.matrices[0].rows())
+    }
+
+    /// σ(x^I) of x, n×h.
+    fn forward(
+        &self,
+        mut x: Loan<E>,
+        graph: &Graph<E>,
+        iterations: usize,
+        activation: Activation,
+    ) -> (Loan<E>, Passed<E>) {
+        let (h, k) = self.sizes();
+        let mut slopes = Loan::of(x.len());
+        let mut inputs = Vec::with_capacity(iterations);
+        for iteration in 1..=iterations {
+            let mut next = Loan::of(x.len());
+            let mut joined = self.w2.as_ref().map(|_| Loan::of(2 * x.len()));
+            let mut rows_joined = joined.as_deref_mut().map(|joined| joined.chunks_mut(ROWS * k));
+            let rows = next.chunks_mut(ROWS * h).zip(slopes.chunks_mut(ROWS * h)).enumerate();
+            let rows = rows.map(|(chunk, (next, slopes))| {
+                (chunk * ROWS, next, slopes, rows_joined.as_mut().and_then(Iterator::next))
+            });
+            dealt::for_each(rows, |(first, next, slopes, joined)| {
+                let input = match joined {
+                    Some(joined) => beside_neighbours(&x, graph, h, first, joined),
+                    None => &x[first * h..][..next.len()],
+                };
+                if iteration < iterations {
+                    E::multiply(next, input, next.len() / h, &self.matrices[0]);
+                } else {
+                    let mut phase = Loan::of(next.len());
+                    E::multiply(&mut phase, input, next.len() / h, &self.matrices[0]);
+                    activation.apply_to(&phase, next, slopes);
+                }
+            });
+            inputs.push(joined.unwrap_or(x));
+            x = next;
+        }
+        (x, Passed { inputs, slopes })
+    }
+
+    /// The gradient of x from that of σ(x^I), n×h; adds those of the weights.
+    fn backward(
+        &self,
+        passed: &Passed<E>,
+        mut gradient: Loan<E>,
+        graph: &Graph<E>,
+        grads: &mut Gradients<E, Cpu>,
+    ) -> Result<Loan<E>, CpuError> {
+        let (h, k) = self.sizes();
+        let rows = rows_of_sum(gradient.len() / h);
+        // dMᵀ, a part for each of these.
+        let mut sums: Vec<_> = gradient.chunks(rows * h).map(|_| Loan::of(h * k)).collect();
+        for (step, input) in passed.inputs.iter().rev().enumerate() {
+            let mut d_input = Loan::of(input.len());
+            let accum = if step == 0 { Accum::Replace } else { Accum::Add };
+            let parts = gradient.chunks_mut(rows * h).zip(d_input.chunks_mut(rows * k));
+            let parts = parts.zip(&mut sums).enumerate();
+            dealt::for_each(parts, |(part, ((gradient, d_input), sum))| {
+                if step == 0 {
+                    multiply(&passed.slopes[part * rows * h..][..gradient.len()], gradient);
+                }
+                let (n, input) = (gradient.len() / h, &input[part * rows * k..][..d_input.len()]);
+                E::multiply(d_input, gradient, n, &self.matrices[1]);
+                E::transposed_product(sum, gradient, input, n, accum);
+            });
+            if self.w2.is_none() {
+                gradient = d_input;
+                continue;
+            }
+            let rows = gradient.chunks_mut(ROWS * h).enumerate();
+            dealt::for_each(rows, |(chunk, dx)| fold_neighbours(&d_input, graph, h, chunk, dx));
+        }
+        for d_matrix in &sums {
+            let d_w1 = grads.get_or_alloc_mut(&self.w1)?;
+            add_weight_gradient(d_matrix, k, d_w1, |own, _| -own);
+            if let Some(w2) = &self.w2 {
+                let d_w2 = grads.get_or_alloc_mut(w2)?;
+                add_weight_gradient(d_matrix, k, d_w2, |own, near| (near - own) + (near - own));
+            }
+        }
+        Ok(gradient)
     }
 }
 
-/// Applies one layer to x, n×h, with I = `iterations`: n×h.
+/// Applies `layers` to x, n×h, each with I = `iterations` ≥ 1: n×h.
 pub fn sggc<E: Real, T: Tape<E, Cpu>>(
     x: Matrix<E, T>,
     graph: &Arc<Graph<E>>,
-    mixing: &Mixing<E>,
+    layers: &Arc<[Mixing<E>]>,
     iterations: usize,
     activation: Activation,
 ) -> Matrix<E, T> {
     let (x, mut tape) = x.split_tape();
-    let &(n, h) = x.shape();
     let mut state = lent(&x);
-    // What the backward pass needs of every iteration: [x | Wx].
-    let mut inputs = Vec::with_capacity(if T::OWNS_TAPE { iterations } else { 0 });
-    for _ in 0..iterations {
-        let joined = beside_neighbours(&state, graph, h);
-        E::multiply(&mut state, &joined, n, &mixing.matrices[0]);
+    let mut all_passed = Vec::with_capacity(layers.len());
+    for layer in layers.iter() {
+        let (next, passed) = layer.forward(state, graph, iterations, activation);
+        state = next;
         if T::OWNS_TAPE {
-            inputs.push(joined);
+            all_passed.push(passed);
         }
     }
-    let Activated { values, slopes } = activation.apply(&state);
-    let out = x.device().tensor_from_vec(values, (n, h));
+    let out = x.device().tensor_from_vec(state.into_vec(), *x.shape());
     let (out_ghost, x_ghost) = (out.ghost(), x.ghost());
-    let (w1_ghost, w2_ghost) = (mixing.w1.ghost(), mixing.w2.ghost());
-    let (graph, matrices) = (graph.clone(), mixing.matrices.clone());
+    let (graph, layers) = (graph.clone(), layers.clone());
     tape.add_backward_op(move |grads| {
-        let mut gradient = std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?);
-        multiply(&slopes, &mut gradient);
-        let mut d_matrix = vec![E::default(); 2 * h * h];
-        let mut d_joined = Loan::of(n * 2 * h);
-        for joined in inputs.iter().rev() {
-            E::add_transposed_product(&mut d_matrix, &gradient, joined, n);
-            E::multiply(&mut d_joined, &gradient, n, &matrices[1]);
-            fold_neighbours(&d_joined, &graph, h, &mut gradient);
+        let mut gradient = Loan::from(std::mem::take(&mut **grads.get_or_alloc_mut(&out_ghost)?));
+        for (layer, passed) in layers.iter().zip(&all_passed).rev() {
+            gradient = layer.backward(passed, gradient, &graph, grads)?;
         }
-        add_weight_gradient(&d_matrix, h, grads.get_or_alloc_mut(&w1_ghost)?, |own, _| -own);
-        add_weight_gradient(&d_matrix, h, grads.get_or_alloc_mut(&w2_ghost)?, |own, near| {
-            (near - own) + (near - own)
-        });
         add(&gradient, grads.get_or_alloc_mut(&x_ghost)?);
         Ok(())
     });
     out.put_tape(tape)
 }
 
-/// [x | Wx], n×2h.
-fn beside_neighbours<E: Real>(x: &[E], graph: &Graph<E>, h: usize) -> Loan<E> {
-    let mut joined = Loan::of(2 * x.len());
-    graph.for_each_row(
+/// The rows of [x | Wx] from `first` on, as many as `joined` holds.
+fn beside_neighbours<'j, E: Real>(
+    x: &[E],
+    graph: &Graph<E>,
+    h: usize,
+    first: usize,
+    joined: &'j mut [E],
+) -> &'j [E] {
+    graph.for_rows(
+        first..first + joined.len() / (2 * h),
         x,
         h,
         #[inline(always)]
         |i, neighbours| {
-            let (own, near) = joined[2 * h * i..2 * h * (i + 1)].split_at_mut(h);
-            own.copy_from_slice(&x[i * h..(i + 1) * h]);
+            let (own, near) = joined[2 * h * (i - first)..][..2 * h].split_at_mut(h);
+            own.copy_from_slice(&x[i * h..][..h]);
             near.copy_from_slice(neighbours);
         },
     );
     joined
 }
 
-/// dx + Wᵀu for [dx | u].
-fn fold_neighbours<E: Real>(joined: &[E], graph: &Graph<E>, h: usize, dx: &mut [E]) {
-    graph.for_each_transposed_row(
+/// dx + Wᵀu for [dx | u]: chunk number `chunk` of its rows.
+fn fold_neighbours<E: Real>(joined: &[E], graph: &Graph<E>, h: usize, chunk: usize, dx: &mut [E]) {
+    let first = chunk * ROWS;
+    graph.for_transposed_rows(
+        first..first + dx.len() / h,
         joined,
         2 * h,
         h..2 * h,
         #[inline(always)]
         |i, sum| {
-            let own = &joined[2 * h * i..2 * h * i + h];
-            for ((dx, &own), &near) in dx[i * h..(i + 1) * h].iter_mut().zip(own).zip(sum) {
+            let own = &joined[2 * h * i..][..h];
+            let dx = &mut dx[(i - first) * h..][..h];
+            for ((dx, &own), &near) in dx.iter_mut().zip(own).zip(sum) {
                 *dx = own + near;
             }
         },
     );
 }
 
-/// dw += f(dMᵀ_own, dMᵀ_near).
-fn add_weight_gradient<E: Real>(d_matrix: &[E], h: usize, dw: &mut [E], f: impl Fn(E, E) -> E) {
+/// dw += f(dMᵀ_own, dMᵀ_near) for dMᵀ with k columns; where it has no part for neighbours, f gets the first one twice.
+fn add_weight_gradient<E: Real>(d_matrix: &[E], k: usize, dw: &mut [E], f: impl Fn(E, E) -> E) {
+    let h = d_matrix.len() / k;
     widely(
         #[inline(always)]
         || {
-            for (dw, row) in dw.chunks_exact_mut(h).zip(d_matrix.chunks_exact(2 * h)) {
-                let (own, near) = row.split_at(h);
+            for (dw, row) in dw.chunks_exact_mut(h).zip(d_matrix.chunks_exact(k)) {
+                let (own, near) = (&row[..h], &row[k - h..]);
                 for ((dw, &own), &near) in dw.iter_mut().zip(own).zip(near) {
                     *dw += f(own, near);
                 }
@@ -132,6 +247,7 @@ fn add_weight_gradient<E: Real>(d_matrix: &[E], h: usize, dw: &mut [E], f: impl 
 
 #[cfg(test)]
 mod tests {
+    use super::super::dealt::deal_rows;
     use super::super::finite_differences::{check, values, weighted_sum};
     use super::*;
     use crate::mesh::sample::icosphere;
@@ -146,21 +262,43 @@ mod tests {
         let n = graph.n();
         for iterations in 1..=3 {
             let scaled = |seed| values(H * H, seed).iter().map(|v| 0.3 * v).collect();
-            check(&[values(n * H, 1), scaled(2), scaled(3)], |dev, p, tape| {
+            // Two layers, of which the second has no neighbours.
+            check(&[values(n * H, 1), scaled(2), scaled(3), scaled(4)], |dev, p, tape| {
                 let x = dev.tensor_from_vec(p[0].clone(), (n, H));
-                let [w1, w2] = [1, 2].map(|i| dev.tensor_from_vec(p[i].clone(), (H, H)));
-                let mixing = Mixing::new(&w1, &w2);
-                let y =
-                    sggc(x.clone().put_tape(tape), &graph, &mixing, iterations, Activation::Sin);
-                let loss = weighted_sum(y);
-                (
-                    loss,
-                    Box::new(move |g| {
-                        vec![g.get(&x).as_vec(), g.get(&w1).as_vec(), g.get(&w2).as_vec()]
-                    }),
-                )
+                let w = [1, 2, 3].map(|i| dev.tensor_from_vec(p[i].clone(), (H, H)));
+                let layers = [Mixing::new(&w[0], &w[1]), Mixing::alone(&w[2])].into();
+                let x_taped = x.clone().put_tape(tape);
+                let loss =
+                    weighted_sum(sggc(x_taped, &graph, &layers, iterations, Activation::Sin));
+                let read = move |g: &Gradients<f64, Cpu>| {
+                    let weights = w.iter().map(|w| g.get(w).as_vec());
+                    [g.get(&x).as_vec()].into_iter().chain(weights).collect()
+                };
+                (loss, Box::new(read))
             });
         }
+    }
+
+    #[test]
+    fn dealt_to_all_threads_it_has_the_same_bits() {
+        let graph = Arc::new(Graph::<f32>::new(&adjacency(&Pattern::of_mesh(&icosphere(3)))));
+        let n = graph.n();
+        let rounded = |len, seed| values(len, seed).iter().map(|&v| 0.3 * v as f32).collect();
+        let pass = || {
+            let dev = Cpu::default();
+            let x = dev.tensor_from_vec(rounded(n * H, 1), (n, H));
+            let w = [2, 3, 4].map(|seed| dev.tensor_from_vec(rounded(H * H, seed), (H, H)));
+            let layers = [Mixing::new(&w[0], &w[1]), Mixing::alone(&w[2])].into();
+            let taped = x.clone().put_tape(OwnedTape::default());
+            let y = sggc(taped, &graph, &layers, 2, Activation::Sin);
+            let values = y.as_vec();
+            let gradients = (y.square().sum::<(), _>()).backward();
+            let of_weights = w.iter().map(|w| gradients.get(w).as_vec());
+            (values, gradients.get(&x).as_vec(), of_weights.collect::<Vec<_>>())
+        };
+        let alone = pass();
+        deal_rows();
+        assert!(pass() == alone);
     }
 
     #[test]
@@ -185,7 +323,7 @@ mod tests {
         let y = sggc(
             dev.tensor_from_vec(x, (n, H)),
             &graph,
-            &Mixing::new(&w1, &w2),
+            &[Mixing::new(&w1, &w2)].into(),
             1,
             Activation::Sin,
         );

@@ -46,7 +46,7 @@ impl<E: Real> Network<E> {
     /// GGNN(X, W; Θ), n, of the input features x, n×d. `layers` are those of [`Trunk::prepared`].
     pub fn forward<T: Tape<E, Cpu>>(
         &self,
-        layers: &[Prepared<E>],
+        layers: &Prepared<E>,
         x: Matrix<E, T>,
         graph: &Arc<Graph<E>>,
     ) -> Vector<E, T> {

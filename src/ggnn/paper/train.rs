@@ -95,7 +95,7 @@ fn batch_gradients(
 /// The terms on one member, and the gradient of (23).
 fn gradients(
     network: &Network<f32>,
-    layers: &[Prepared<f32>],
+    layers: &Prepared<f32>,
     sample: &Sample,
     weights: Weights,
     recipe: &Paper,
