@@ -132,7 +132,7 @@ impl Refine {
 
 impl Default for Train {
     fn default() -> Self {
-        let Ritz { shape, ranges, steps, batch, learning_rate, ridge, spare, shards } =
+        let Ritz { shape, ranges, steps, batch, learning_rate, ridge, spare, shards, held_out: _ } =
             Ritz::default();
         let paper = Paper::default();
         Self {
@@ -199,6 +199,7 @@ impl Train {
                 ridge: self.ridge,
                 spare: self.spare,
                 shards: self.shards,
+                held_out: 0,
             }),
             RecipeName::Paper => Recipe::Paper(Paper {
                 shape,
