@@ -11,7 +11,7 @@ use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 
 /// Sizes beyond these are slips of the keyboard, and would be found out by running out of memory.
-const LARGEST: [(&str, usize); 9] = [
+const LARGEST: [(&str, usize); 10] = [
     ("train.k", 10_000),
     ("train.width", 8_192),
     ("train.layers", 64),
@@ -21,16 +21,19 @@ const LARGEST: [(&str, usize); 9] = [
     ("features.landmarks", 1_024),
     ("train.spare", 1_024),
     ("train.head_subdivisions", MOST_SUBDIVISIONS),
+    ("train.tune", 1_024),
 ];
 
 /// Options that only one recipe reads.
-const RITZ_ONLY: [&str; 6] = [
+const RITZ_ONLY: [&str; 8] = [
     "train.trunk",
     "train.steps",
     "train.ridge",
     "train.spare",
     "train.head_subdivisions",
     "train.shards",
+    "train.held_out",
+    "train.tune",
 ];
 
 /// Options that only a shared trunk reads.
@@ -83,8 +86,8 @@ impl Pipeline {
             }
         }
         let (members, landmarks) = (self.family.members, self.features.landmarks);
-        let Train { layers, spare, head_subdivisions: finer, .. } = self.train;
-        let sizes = [k, width, layers, iterations, shards, members, landmarks, spare, finer];
+        let Train { layers, spare, head_subdivisions: finer, tune, .. } = self.train;
+        let sizes = [k, width, layers, iterations, shards, members, landmarks, spare, finer, tune];
         for ((key, largest), value) in LARGEST.into_iter().zip(sizes) {
             if value > largest {
                 let rule = "is more than can be meant; lower it";
@@ -92,6 +95,7 @@ impl Pipeline {
             }
         }
         self.check_family()?;
+        self.check_held_out()?;
         for (key, value) in [
             ("train.learning_rate", self.train.learning_rate),
             ("train.encoder_range", self.train.encoder_range),
@@ -151,6 +155,23 @@ impl Pipeline {
         if *flips > 1.0 {
             let rule = "is the share of edges that are tried, at most 1";
             return refuse("family.flips", flips.to_string(), rule);
+        }
+        Ok(())
+    }
+
+    /// Whether a family has as many members as are not to be trained on, and one more.
+    fn check_held_out(&self) -> Result<(), PipelineError> {
+        let (members, Train { held_out, tune, .. }) = (self.family.members, &self.train);
+        let refuse = |key, value: usize, rule| {
+            Err(PipelineError::Value { key, value: value.to_string(), rule })
+        };
+        if *held_out >= members {
+            let rule = "leaves no variant to train on; raise family.members, or lower it";
+            return refuse("train.held_out", *held_out, rule);
+        }
+        if *tune > 0 && members < 2 {
+            let rule = "needs a variant to judge by; raise family.members, or set it to 0";
+            return refuse("train.tune", *tune, rule);
         }
         Ok(())
     }

@@ -12,6 +12,24 @@ pub enum PipelineError {
     /// A key that no option has.
     #[error("{path}: there is no option `{key}`{}", hint(.nearest.as_deref()))]
     UnknownKey { path: String, key: String, nearest: Option<String> },
+    /// The recipe file is not there or not readable.
+    #[error(
+        "{path}: {reason}; train.recipe is \"ritz\", \"paper\", or a recipe file, relative to the pipeline file"
+    )]
+    NoRecipe { path: String, reason: String },
+    /// A recipe file has other options than those of `[train]`.
+    #[error(
+        "{path}: [{section}] has no place in a recipe file, which has [train] alone; move it to the pipeline file"
+    )]
+    NotOfRecipe { path: String, section: String },
+    /// A recipe file names another.
+    #[error(
+        "{path}: train.recipe = {recipe:?}: a recipe file cannot name another; put the options of both into one"
+    )]
+    RecipeInRecipe { path: String, recipe: String },
+    /// A value that cannot work, from a recipe file.
+    #[error("{path}: {source}")]
+    InRecipe { path: String, source: Box<PipelineError> },
     /// `--set` without `=`.
     #[error("--set {argument}: write KEY=VALUE, for example --set train.k=10")]
     Assignment { argument: String },

@@ -1,11 +1,11 @@
-//! From a file to a [`Pipeline`]: the text, with assignments laid over it and the defaults of its recipe under it; unknown keys
-//! are refused with the nearest known one.
+//! From a file to a [`Pipeline`]: the text, with assignments laid over it, a recipe file and the defaults of its recipe under
+//! it; unknown keys are refused with the nearest known one.
 
 use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::{Pipeline, PipelineError};
+use super::{Pipeline, PipelineError, recipe_file};
 use crate::ggnn::features::Normalise;
 use crate::ggnn::paper::Paper;
 use crate::ggnn::recipe::{Ritz, Trunks};
@@ -23,8 +23,8 @@ impl Pipeline {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path)
             .map_err(|e| PipelineError::Unreadable { path: name.clone(), reason: e.to_string() })?;
-        let mut pipeline = Self::parse(&name, &text, assignments)?;
         let folder = path.parent().unwrap_or(Path::new(""));
+        let mut pipeline = Self::read(&name, &text, assignments, folder)?;
         pipeline.input.paths.iter_mut().for_each(|p| *p = folder.join(&*p));
         if is_model_file(&pipeline.train.model) {
             pipeline.train.model = folder.join(&pipeline.train.model).display().to_string();
@@ -32,11 +32,21 @@ impl Pipeline {
         Ok(pipeline)
     }
 
-    /// Parses the text of a pipeline file; `name` is for messages.
+    /// Parses the text of a pipeline file; `name` is for messages. A recipe file that it names is taken to be relative to the
+    /// current directory.
     ///
     /// # Errors
     /// [`PipelineError`].
     pub fn parse(name: &str, text: &str, assignments: &[String]) -> Result<Self, PipelineError> {
+        Self::read(name, text, assignments, Path::new(""))
+    }
+
+    fn read(
+        name: &str,
+        text: &str,
+        assignments: &[String],
+        folder: &Path,
+    ) -> Result<Self, PipelineError> {
         let malformed = |reason: String| PipelineError::Malformed {
             path: name.to_string(),
             reason: plain(&reason),
@@ -54,10 +64,14 @@ impl Pipeline {
                 reason: plain(&e.to_string()),
             })?;
         }
+        let laid = recipe_file::lay_under(&mut table, folder)?;
         lay_recipe_under(&mut table);
         let pipeline: Self = table.try_into().map_err(|e| malformed(e.to_string()))?;
-        pipeline.check()?;
-        Ok(pipeline)
+        match (pipeline.check(), laid) {
+            (Ok(()), _) => Ok(pipeline),
+            (Err(error), None) => Err(error),
+            (Err(error), Some(laid)) => Err(laid.blamed(error)),
+        }
     }
 }
 
@@ -70,7 +84,7 @@ pub fn is_model_file(model: &str) -> bool {
 }
 
 /// A message of the parser in words that are not Rust's.
-fn plain(reason: &str) -> String {
+pub(super) fn plain(reason: &str) -> String {
     reason
         .trim_end()
         .replace("expected usize", "expected a whole number")
@@ -129,7 +143,7 @@ fn lay_recipe_under(table: &mut Table) {
 }
 
 /// All options as `section.key`, from the defaults.
-fn known_keys() -> Vec<String> {
+pub(super) fn known_keys() -> Vec<String> {
     let defaults = Table::try_from(Pipeline::default()).unwrap_or_default();
     flatten(&defaults)
 }
@@ -146,7 +160,11 @@ fn flatten(table: &Table) -> Vec<String> {
         .collect()
 }
 
-fn refuse_unknown(name: &str, table: &Table, known: &[String]) -> Result<(), PipelineError> {
+pub(super) fn refuse_unknown(
+    name: &str,
+    table: &Table,
+    known: &[String],
+) -> Result<(), PipelineError> {
     let sections: Vec<&str> = known.iter().filter_map(|k| Some(k.split_once('.')?.0)).collect();
     let empty = table.iter().filter(|(section, value)| {
         value.as_table().is_some_and(Table::is_empty) && !sections.contains(&section.as_str())

@@ -2,6 +2,7 @@
 //!
 //! - `train`: `[train]`, and the recipe that its options make; `verify`: `[verify]`; `mpgd_step`: one of its options
 //! - `file`: from a file's text, the recipe's defaults and `--set` to a [`Pipeline`]
+//! - `recipe_file`: options of `[train]` in a file of their own, which a search leaves
 //! - `check`: which values can work, alone and together
 //! - `error`: why a pipeline cannot be run
 
@@ -9,6 +10,7 @@ mod check;
 mod error;
 mod file;
 mod mpgd_step;
+mod recipe_file;
 mod train;
 mod verify;
 
@@ -22,6 +24,7 @@ use crate::remesh::FamilyRecipe;
 pub use error::PipelineError;
 pub use file::{MODEL_EXTENSION, is_model_file};
 pub use mpgd_step::MpgdStep;
+pub use recipe_file::FoundRecipe;
 pub use train::{Method, RecipeName, Refine, Train};
 pub use verify::{MpgdDirection, Verify};
 

@@ -1,12 +1,16 @@
 //! `[train]`: how many eigenpairs, by which method, and the recipe that the options of a training make.
 
+use serde::de::{Deserializer, Error, Unexpected};
 use serde::{Deserialize, Serialize};
+
+use super::recipe_file::is_recipe_file;
 
 use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
 use crate::ggnn::paper::{Paper, ResidualRows, Warmup, Weights};
 use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::BOUNDARY_PENALTY;
+use crate::ggnn::tune::Choice;
 
 /// `[train]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,7 +21,8 @@ pub struct Train {
     pub method: Method,
     /// The model of `predict`: a file, relative to the pipeline file, or a name in the cache. Empty for none.
     pub model: String,
-    /// How blocks are trained: `ritz` or `paper`.
+    /// How blocks are trained: `ritz` or `paper`. A pipeline file may name a recipe file here, whose options are then among
+    /// these.
     pub recipe: RecipeName,
     /// What is made of learned eigenfunctions.
     pub refine: Refine,
@@ -57,6 +62,10 @@ pub struct Train {
     /// `shared`: how often variants are subdivided, and their vertices moved to the mesh, before the heads are solved for
     /// the last time.
     pub head_subdivisions: usize,
+    /// `ritz`: variants, the last ones, that training does not see: it ends when it becomes no better there.
+    pub held_out: usize,
+    /// `ritz`: how many recipes are tried, this one among them, before the best is trained by.
+    pub tune: usize,
     /// What holds the network to 0 on a Dirichlet boundary, relative to the stiffness's own diagonal.
     pub boundary_penalty: f64,
     /// `ritz`: parallel tapes. The bits of a result depend on it, but not on the number of threads.
@@ -82,7 +91,7 @@ pub struct Train {
 }
 
 /// `train.recipe`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RecipeName {
     /// The decoder is solved, Adam trains the trunk on the Rayleigh quotient.
@@ -90,6 +99,23 @@ pub enum RecipeName {
     Ritz,
     /// Adam trains all weights on the loss (23), as the paper does.
     Paper,
+}
+
+impl<'de> Deserialize<'de> for RecipeName {
+    /// The name of a recipe file reads as [`Self::Ritz`], whose options it holds unless it says otherwise: reading a
+    /// pipeline file puts its options in its place.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        match name.as_str() {
+            "ritz" => Ok(Self::Ritz),
+            "paper" => Ok(Self::Paper),
+            file if is_recipe_file(file) => Ok(Self::Ritz),
+            other => Err(D::Error::invalid_value(
+                Unexpected::Str(other),
+                &"\"ritz\", \"paper\" or a recipe file, which ends in .toml",
+            )),
+        }
+    }
 }
 
 /// `train.method`
@@ -132,7 +158,7 @@ impl Refine {
 
 impl Default for Train {
     fn default() -> Self {
-        let Ritz { shape, ranges, steps, batch, learning_rate, ridge, spare, shards, held_out: _ } =
+        let Ritz { shape, ranges, steps, batch, learning_rate, ridge, spare, shards, held_out } =
             Ritz::default();
         let paper = Paper::default();
         Self {
@@ -157,6 +183,8 @@ impl Default for Train {
             ridge,
             spare,
             head_subdivisions: 0,
+            held_out,
+            tune: 0,
             boundary_penalty: BOUNDARY_PENALTY,
             shards,
             epochs: paper.epochs,
@@ -173,6 +201,23 @@ impl Default for Train {
 }
 
 impl Train {
+    /// These options with what a search has chosen.
+    pub fn with(&self, choice: &Choice) -> Self {
+        let &Choice { learning_rate, encoder_range, hidden_range, ridge, batch, spare, .. } =
+            choice;
+        let boundary_penalty = choice.boundary_penalty;
+        Self {
+            learning_rate,
+            encoder_range,
+            hidden_range,
+            ridge,
+            batch,
+            spare,
+            boundary_penalty,
+            ..self.clone()
+        }
+    }
+
     /// The recipe that these options make for `inputs` features per vertex.
     pub fn recipe(&self, inputs: usize) -> Recipe {
         let shape = TrunkShape {
@@ -199,7 +244,7 @@ impl Train {
                 ridge: self.ridge,
                 spare: self.spare,
                 shards: self.shards,
-                held_out: 0,
+                held_out: self.held_out,
             }),
             RecipeName::Paper => Recipe::Paper(Paper {
                 shape,
