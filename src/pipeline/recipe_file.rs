@@ -64,11 +64,10 @@ pub(super) fn lay_under(table: &mut Table, folder: &Path) -> Result<Option<Laid>
 
 /// The options of a recipe file.
 fn read(path: &str) -> Result<Table, PipelineError> {
-    let path_ = || path.to_string();
     let text = std::fs::read_to_string(path)
-        .map_err(|e| PipelineError::NoRecipe { path: path_(), reason: e.to_string() })?;
+        .map_err(|e| PipelineError::NoRecipe { path: path.into(), reason: e.to_string() })?;
     let malformed = |e: toml::de::Error| PipelineError::Malformed {
-        path: path_(),
+        path: path.into(),
         reason: plain(&e.to_string()),
     };
     // As a pipeline first: the errors then carry line and column.
@@ -76,15 +75,16 @@ fn read(path: &str) -> Result<Table, PipelineError> {
     let mut table: Table = text.parse().map_err(malformed)?;
     refuse_unknown(path, &table, &known_keys())?;
     if let Some(section) = table.keys().find(|section| *section != "train") {
-        return Err(PipelineError::NotOfRecipe { path: path_(), section: section.clone() });
+        let section = section.clone();
+        return Err(PipelineError::NotOfRecipe { path: path.into(), section });
     }
     let Some(Value::Table(train)) = table.remove("train") else { return Ok(Table::new()) };
-    match train.get("recipe").and_then(Value::as_str).filter(|recipe| is_recipe_file(recipe)) {
-        Some(other) => {
-            Err(PipelineError::RecipeInRecipe { path: path_(), recipe: other.to_string() })
-        }
-        None => Ok(train),
+    let other = train.get("recipe").and_then(Value::as_str).filter(|recipe| is_recipe_file(recipe));
+    if let Some(recipe) = other {
+        let (path, recipe) = (path.into(), recipe.into());
+        return Err(PipelineError::RecipeInRecipe { path, recipe });
     }
+    Ok(train)
 }
 
 /// What a search has found, with where it was found.
