@@ -46,6 +46,11 @@ fn exit_2_for_usage_and_configuration() {
         "--set train.k=-1: invalid value: integer `-1`, expected a whole number",
     );
     refused(&["--set", "train.width=200000"], "lower it");
+    refused(&["--set", "train.tune=3", "--set", "family.members=1"], "raise family.members");
+    refused(&["--set", "train.held_out=2"], "leaves no variant to train on");
+    refused(&["--set", "train.recipe=none.toml"], "none.toml: ");
+    workspace.write("bad.toml", "[train]\nstep = 3\n");
+    refused(&["--set", "train.recipe=bad.toml"], "did you mean `train.steps`?");
     refused(&["--jobs", "0"], "--jobs");
     refused(&["--no-such-flag"], "--no-such-flag");
     let folder = workspace.path("empty");

@@ -108,3 +108,15 @@ fn the_held_square_is_learned_predicted_elsewhere_and_survives_export() {
     assert_eq!(other.status.code(), Some(2), "{}", text(&other));
     assert!(text(&other).contains("set operators.boundary = \"dirichlet\""), "{}", text(&other));
 }
+
+#[test]
+fn the_penalty_on_the_boundary_is_searched_for_too() {
+    let workspace = Workspace::new(PIPELINE);
+    std::fs::remove_file(workspace.path("meshes/sphere.obj")).unwrap();
+    workspace.write("meshes/square.obj", &obj(&square(16, false)));
+    let tuned = ["train.tune=2", "train.held_out=1"].map(|set| ["--set", set]);
+    let (code, report) = workspace.report(&tuned.concat());
+    assert_eq!((code, report.meshes[0].trained), (0, 3), "{report:?}");
+    let recipe = std::fs::read_to_string(workspace.path("out/square.obj/recipe.toml")).unwrap();
+    assert!(recipe.contains("\nboundary_penalty = "), "{recipe}");
+}

@@ -86,6 +86,95 @@ fn a_shared_trunk_is_trained_once_for_all_its_heads_and_anew_for_another_k() {
 }
 
 #[test]
+fn a_recipe_is_searched_for_once_and_a_larger_k_keeps_it() {
+    let workspace = Workspace::new(&QUICK.replace("[train]", "[train]\ntune = 3"));
+    let stages = |events: &[Event]| -> Vec<(String, Option<usize>)> {
+        let found =
+            computed(events).into_iter().filter(|(stage, _)| ["tune", "train"].contains(stage));
+        found.map(|(stage, part)| (stage.to_string(), part)).collect()
+    };
+    let train = |k| ("train".to_string(), Some(k));
+    let tune = ("tune".to_string(), None);
+    let (events, counts) = during(&workspace, &["--set", "train.k=3"]);
+    assert_eq!((stages(&events), counts), (vec![tune.clone(), train(2), train(3)], [2, 0]));
+    let (events, counts) = during(&workspace, &["--set", "train.k=3"]);
+    assert_eq!((computed(&events), counts), (vec![], [0, 2]));
+    let (events, counts) = during(&workspace, &[]);
+    assert_eq!((stages(&events), counts), (vec![train(4)], [1, 2]));
+    // What is chosen may be the same.
+    let (events, _) = during(&workspace, &["--set", "train.tune=4"]);
+    assert_eq!(stages(&events).first(), Some(&tune));
+    let record = std::fs::read_to_string(workspace.path("out/sphere.obj/run.json")).unwrap();
+    assert_eq!(record.matches("\"tune\"").count(), 1, "{record}");
+    let (events, _) = during(&workspace, &["--set", "train.tune=0"]);
+    assert!(events.iter().all(|event| event.stage != "tune"));
+}
+
+#[test]
+fn a_shared_trunk_is_tuned_for_its_k() {
+    let workspace =
+        Workspace::new(&QUICK.replace("[train]", "[train]\ntrunk = \"shared\"\ntune = 2"));
+    let tuned = |events: &[Event]| computed(events).contains(&("tune", None));
+    assert!(tuned(&during(&workspace, &[]).0));
+    assert!(!tuned(&during(&workspace, &[]).0));
+    assert!(tuned(&during(&workspace, &["--set", "train.k=3"]).0));
+}
+
+#[test]
+fn a_recipe_that_was_found_is_a_file_that_trains_the_same() {
+    // What the pipeline file sets itself would win over the recipe.
+    let pipeline = QUICK.replace("batch = 2\n", "").replace("[train]", "[train]\ntune = 4");
+    let workspace = Workspace::new(&pipeline);
+    let read = |name: &str| std::fs::read_to_string(workspace.path(name)).unwrap();
+    let (_, counts) = during(&workspace, &[]);
+    assert_eq!(counts, [3, 0]);
+    let recipe = read("out/sphere.obj/recipe.toml");
+    let table: toml::Table = recipe.parse().unwrap();
+    let spectrum = read("out/sphere.obj/spectrum.json");
+    let document: serde_json::Value = serde_json::from_str(&spectrum).unwrap();
+    let used = &document["provenance"]["parameters"]["train"];
+    for (key, value) in table["train"].as_table().unwrap() {
+        let value = value.as_float().unwrap_or_else(|| value.as_integer().unwrap() as f64);
+        assert_eq!(used[key].as_f64(), Some(value), "{key}");
+    }
+    let as_file = ["--set", "train.tune=0", "--set", "train.recipe=out/sphere.obj/recipe.toml"];
+    let (events, counts) = during(&workspace, &as_file);
+    assert_eq!((computed(&events), counts), (vec![], [0, 3]));
+    assert_eq!(read("out/sphere.obj/recipe.toml"), recipe);
+    // The same, but for what is said of the search.
+    assert_eq!(
+        read("out/sphere.obj/spectrum.json"),
+        spectrum.replace("\"tune\": 4", "\"tune\": 0")
+    );
+}
+
+#[test]
+fn a_mesh_without_variants_keeps_its_recipe() {
+    let workspace = Workspace::new(&QUICK.replace("[train]", "[train]\ntune = 4\nheld_out = 1"));
+    let alone = ["--set", "family.vertices=2000"];
+    let output = workspace.run(&alone).output().unwrap();
+    let said = common::text(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(
+        said.contains("no recipe is searched for") && said.contains("train.held_out = 1"),
+        "{said}"
+    );
+    assert!(workspace.events().iter().all(|event| event.stage != "tune"));
+    assert!(!workspace.path("out/sphere.obj/recipe.toml").exists());
+}
+
+#[test]
+fn what_is_held_out_is_part_of_the_training() {
+    let workspace = Workspace::new(&QUICK.replace("members = 2", "members = 3"));
+    during(&workspace, &[]);
+    let held = ["--set", "train.held_out=1"];
+    let (_, counts) = during(&workspace, &held);
+    assert_eq!(counts, [3, 0]);
+    let (events, counts) = during(&workspace, &held);
+    assert_eq!((computed(&events), counts), (vec![], [0, 3]));
+}
+
+#[test]
 fn a_trunk_that_is_too_narrow_for_its_heads_says_so() {
     let workspace = Workspace::new(QUICK);
     let narrow = ["--set", "train.trunk=shared", "--set", "train.width=2"];
@@ -187,7 +276,7 @@ fn an_edit_to_one_mesh_touches_that_mesh_only() {
 
 #[test]
 fn training_sees_the_family_and_earlier_blocks_and_nothing_of_a_reference() {
-    let workspace = Workspace::new(QUICK);
+    let workspace = Workspace::new(&QUICK.replace("[train]", "[train]\ntune = 2"));
     let (events, _) = during(&workspace, &[]);
     let outputs = |stages: &[&str]| -> BTreeSet<String> {
         let made = events.iter().filter(|event| stages.contains(&event.stage.as_str()));
@@ -201,7 +290,9 @@ fn training_sees_the_family_and_earlier_blocks_and_nothing_of_a_reference() {
     let remeshed = events.iter().filter(|event| event.stage == "remesh");
     let meshes: BTreeSet<String> =
         remeshed.flat_map(|event| event.inputs.iter().map(|(_, digest)| digest.clone())).collect();
-    for event in events.iter().filter(|event| event.stage == "train") {
+    let trains = |event: &&Event| ["tune", "train"].contains(&event.stage.as_str());
+    assert_eq!(events.iter().filter(trains).count(), 4);
+    for event in events.iter().filter(trains) {
         for (role, digest) in &event.inputs {
             assert!(!references.contains(digest), "{role}");
             match role.as_str() {

@@ -15,6 +15,17 @@ pub struct TrainingRecord {
     pub untrained: f64,
     /// The head's own Rayleigh quotient over the whole family with the final weights.
     pub trained: f64,
+    /// What was found on members that were held out, in the order of the steps; the weights are those of the lowest loss.
+    pub held_out: Vec<Check>,
+}
+
+/// What a training was worth on members that it does not see.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Check {
+    /// After so many steps.
+    pub step: usize,
+    /// See [`super::held_out::loss`].
+    pub loss: f64,
 }
 
 /// The weights of one block and how they came about.

@@ -10,6 +10,8 @@
 //! - [`sample`]: what training works on
 //! - [`recipe`]: the hyperparameters
 //! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
+//! - [`held_out`]: the loss on members that training does not see, and the end of a training by it
+//! - [`tune`]: a search for a better recipe, by the same loss
 //! - [`paper`]: one block, by recipe `paper`
 //! - [`block`]: what training makes
 //! - [`forward`]: forward passes without a tape, on all threads
@@ -23,6 +25,7 @@ pub mod features;
 pub mod forward;
 pub mod head;
 pub mod heads;
+pub mod held_out;
 pub mod landmarks;
 pub mod likeness;
 pub mod model;
@@ -35,6 +38,7 @@ pub mod recipe;
 pub mod sample;
 pub mod shards;
 pub mod train;
+pub mod tune;
 
 pub use block::Block;
 pub use model::Model;

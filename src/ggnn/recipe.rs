@@ -70,6 +70,14 @@ pub struct Ritz {
     pub spare: usize,
     /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
     pub shards: usize,
+    /// Members, the last ones, that training does not see and is ended by.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub held_out: usize,
+}
+
+/// What holds nothing out is spelled as it was before anything could be: in the keys of what is in a cache.
+fn is_zero(held_out: &usize) -> bool {
+    *held_out == 0
 }
 
 impl Default for Ritz {
@@ -91,6 +99,7 @@ impl Default for Ritz {
             ridge: 1e-10,
             spare: 0,
             shards: 2,
+            held_out: 0,
         }
     }
 }
@@ -99,6 +108,11 @@ impl Ritz {
     /// What a trunk that all eigenfunctions share wants more of: steps for all of them, and spare ones.
     pub fn shared() -> Self {
         Self { steps: 600, spare: 4, ..Self::default() }
+    }
+
+    /// How many of so many members are held out: one at least is left to train on.
+    pub fn held_out_of(&self, members: usize) -> usize {
+        self.held_out.min(members.saturating_sub(1))
     }
 
     /// The learning rate at `step`.

@@ -17,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::block::{Block, TrainingRecord};
 use super::head::{Grams, Head};
+use super::held_out::Watch;
 use super::network::Trunk;
 use super::ops::Matrix;
 use super::paper::loss::Terms;
@@ -62,6 +63,9 @@ impl Observer for Silent {
 
 /// Trains the blocks of the `count` eigenfunctions that follow those deflated in `samples`, all on one trunk.
 ///
+/// The last samples are held out, where the recipe says so: training does not see them, ends when it becomes no better
+/// there, and returns the best that it had.
+///
 /// The same inputs, recipe and seed give the same bits, whatever the number of threads.
 ///
 /// # Errors
@@ -73,10 +77,12 @@ pub fn train_blocks(
     seed: u64,
     observer: &dyn Observer,
 ) -> Result<Vec<Block>, TrainError> {
+    let (seen, held_out) = samples.split_at(samples.len() - recipe.held_out_of(samples.len()));
     let mut trunk = Trunk::init(recipe.shape, recipe.ranges, seed);
-    let everyone: Vec<usize> = (0..samples.len()).collect();
-    let mut batches = Batches::new(samples.len(), recipe.batch, seed);
-    Shards::run(&samples, recipe.shards, |shards| {
+    let everyone: Vec<usize> = (0..seen.len()).collect();
+    let mut batches = Batches::new(seen.len(), recipe.batch, seed);
+    let mut watch = Watch::new(held_out, recipe.steps);
+    Shards::run(seen, recipe.shards, |shards| {
         let solve = |grams: Grams, heads: usize, step: usize| {
             grams.solve(recipe.ridge, heads).ok_or(TrainError::Degenerate { step })
         };
@@ -100,21 +106,50 @@ pub fn train_blocks(
             let quotient = geometric_mean(&heads);
             history.push(quotient);
             observer.step(step + 1, recipe.steps, quotient);
+            if watch.is_due(step + 1) {
+                let heads = solve(shards.grams(&trunk, &everyone), count, step + 1)?;
+                watch.check(step + 1, blocks_of(&trunk, heads, &untrained));
+                if watch.is_over() {
+                    break;
+                }
+            }
         }
-        let heads = solve(shards.grams(&trunk, &everyone), count, recipe.steps)?;
-        let weights = Arc::new(trunk.weights());
-        let block = |(head, untrained): (Head, &Head)| Block {
-            shape: recipe.shape,
-            weights: weights.clone(),
-            record: TrainingRecord {
-                history: history.clone(),
-                untrained: untrained.quotient,
-                trained: head.quotient,
-            },
-            head: head.weights,
+        let (best, checks) = watch.into_best();
+        let mut blocks = match best {
+            Some(best) => best,
+            None => {
+                let heads = solve(shards.grams(&trunk, &everyone), count, recipe.steps)?;
+                blocks_of(&trunk, heads, &untrained)
+            }
         };
-        Ok(heads.into_iter().zip(&untrained).map(block).collect())
+        for Block { record, .. } in &mut blocks {
+            record.history.clone_from(&history);
+            record.held_out.clone_from(&checks);
+        }
+        Ok(blocks)
     })
+}
+
+/// The blocks of a trunk as it is, with `heads` that were `untrained` before the first step.
+fn blocks_of(trunk: &Trunk<f32>, heads: Vec<Head>, untrained: &[Head]) -> Vec<Block> {
+    let weights = Arc::new(trunk.weights());
+    let block = |(head, untrained): (Head, &Head)| Block {
+        shape: trunk.shape(),
+        weights: weights.clone(),
+        record: TrainingRecord {
+            history: Vec::new(),
+            untrained: untrained.quotient,
+            trained: head.quotient,
+            held_out: Vec::new(),
+        },
+        head: head.weights,
+    };
+    heads.into_iter().zip(untrained).map(block).collect()
+}
+
+/// The seed of the trunk whose first eigenfunction is φ_k: every trunk has its own stream of the pipeline's seed.
+pub fn trunk_seed(seed: u64, k: usize) -> u64 {
+    seed ^ (k as u64).rotate_left(32)
 }
 
 fn geometric_mean(heads: &[Head]) -> f64 {

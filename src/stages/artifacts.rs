@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use rkyv::{Archive, Deserialize, Serialize};
 
-use crate::ggnn::block::{Block, TrainingRecord};
+use crate::ggnn::block::{Block, Check, TrainingRecord};
 use crate::ggnn::network::{Layer, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
+use crate::ggnn::tune::{Choice, Trial, Tuning};
 use crate::mesh::trimesh::InvalidMesh;
 use crate::mesh::{Area, TriMesh};
 use crate::operators::intrinsic::Remedies;
@@ -30,7 +31,8 @@ macro_rules! artifact {
 
 artifact!(FamilyArtifact, "remesh", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
-artifact!(TrunkArtifact, "train", version 1, schema 3);
+artifact!(TuneArtifact, "tune", version 1, schema 1);
+artifact!(TrunkArtifact, "train", version 1, schema 4);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 2, schema 2);
 artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
@@ -158,6 +160,49 @@ fn quality_of((min_angle_degrees, negative, crossed, remedies): QualityParts) ->
     }
 }
 
+/// A search for a recipe: every candidate with its losses, and which is the best.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct TuneArtifact {
+    trials: Vec<TrialParts>,
+    best: u32,
+}
+
+/// learning rate, encoder range, hidden range, ridge, boundary penalty; batch, spare; the losses of a quarter of the steps
+/// and of all.
+type TrialParts = ([f64; 5], [u32; 2], f64, Option<f64>);
+
+impl From<&Tuning> for TuneArtifact {
+    fn from(tuning: &Tuning) -> Self {
+        let parts = |&Trial { choice, quarter, whole }: &Trial| {
+            let Choice { learning_rate, encoder_range, hidden_range, ridge, .. } = choice;
+            let numbers =
+                [learning_rate, encoder_range, hidden_range, ridge, choice.boundary_penalty];
+            (numbers, [choice.batch as u32, choice.spare as u32], quarter, whole)
+        };
+        Self { trials: tuning.trials.iter().map(parts).collect(), best: tuning.best as u32 }
+    }
+}
+
+impl From<TuneArtifact> for Tuning {
+    fn from(TuneArtifact { trials, best }: TuneArtifact) -> Self {
+        let trial = |(numbers, [batch, spare], quarter, whole): TrialParts| {
+            let [learning_rate, encoder_range, hidden_range, ridge, boundary_penalty] = numbers;
+            let (batch, spare) = (batch as usize, spare as usize);
+            let choice = Choice {
+                learning_rate,
+                encoder_range,
+                hidden_range,
+                ridge,
+                batch,
+                spare,
+                boundary_penalty,
+            };
+            Trial { choice, quarter, whole }
+        };
+        Self { trials: trials.into_iter().map(trial).collect(), best: best as usize }
+    }
+}
+
 /// One trained trunk with the heads on it: the blocks that share it, in the order of their eigenfunctions.
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
 pub struct TrunkArtifact {
@@ -165,6 +210,8 @@ pub struct TrunkArtifact {
     shape: [u32; 6],
     weights: Vec<Vec<f32>>,
     history: Vec<f64>,
+    /// step, loss
+    held_out: Vec<(u32, f64)>,
     heads: Vec<HeadParts>,
 }
 
@@ -186,22 +233,30 @@ impl TrunkArtifact {
             shape: sizes.map(|size| size as u32),
             weights: first.weights.to_vec(),
             history: first.record.history.clone(),
+            held_out: first.record.held_out.iter().map(|c| (c.step as u32, c.loss)).collect(),
             heads: blocks.iter().map(head).collect(),
         }
     }
 
     /// The blocks, which share their weights.
     pub fn into_blocks(self) -> Vec<Block> {
-        let Self { shape, weights, history, heads } = self;
+        let Self { shape, weights, history, held_out, heads } = self;
         let [inputs, width, layers, iterations, layer, activation] = shape.map(|s| s as usize);
         let (layer, activation) = (Layer::ALL[layer], Activation::ALL[activation]);
         let shape = TrunkShape { inputs, width, layers, iterations, layer, activation };
         let weights = Arc::new(weights);
+        let check = |(step, loss)| Check { step: step as usize, loss };
+        let held_out: Vec<Check> = held_out.into_iter().map(check).collect();
         let block = |(head, untrained, trained): HeadParts| Block {
             shape,
             weights: weights.clone(),
             head,
-            record: TrainingRecord { history: history.clone(), untrained, trained },
+            record: TrainingRecord {
+                history: history.clone(),
+                untrained,
+                trained,
+                held_out: held_out.clone(),
+            },
         };
         heads.into_iter().map(block).collect()
     }

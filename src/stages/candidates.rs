@@ -10,7 +10,7 @@ use super::context::{Context, Recalled, Work, canonical};
 use super::family::network_input;
 use super::predict::Predicted;
 use super::refine::Refinement;
-use super::train::{InTraining, TrainedBlock};
+use super::train::{Chosen, InTraining, TrainedBlock};
 use super::{models, predict, reference};
 use crate::flow::events::How;
 use crate::ggnn::Block;
@@ -46,6 +46,8 @@ pub enum Origin {
         known: usize,
         /// The blocks of the others.
         blocks: Vec<TrainedBlock>,
+        /// The options that they were trained by.
+        chosen: Arc<Chosen>,
     },
     /// A given model.
     Predicted {
@@ -109,7 +111,7 @@ pub fn predict(
     Ok(Candidates {
         vectors: recalled.artifact.into(),
         digest: recalled.digest,
-        origin: Origin::Learned { known, blocks: trained.blocks },
+        origin: Origin::Learned { known, blocks: trained.blocks, chosen: trained.chosen },
         refinement: None,
         assembled: trained.assembled,
     })

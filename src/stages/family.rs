@@ -6,10 +6,9 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::Failure;
-use super::assemble::operators_of;
+use super::assemble::{Assembled, operators_of};
 use super::context::Context;
 use super::remesh::Familied;
-use super::train::InTraining;
 use crate::flow::events::How;
 use crate::ggnn::features::{FeatureOptions, Features};
 use crate::ggnn::predict::NetworkInput;
@@ -47,6 +46,15 @@ pub struct TrainingSet {
     assembly: OperatorOptions,
 }
 
+/// A mesh with all that its training may see.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The mesh.
+    pub assembled: Assembled,
+    /// What training may see.
+    pub training: TrainingSet,
+}
+
 /// A family as training sees it.
 #[derive(Debug)]
 pub struct Seen {
@@ -64,11 +72,28 @@ impl TrainingSet {
 
     /// The family as training sees it.
     pub fn seen(&self) -> &Seen {
-        self.seen.get_or_init(|| {
-            let family = self.family.members.iter().zip(&self.operators);
-            let (members, nullspaces) = family.map(|(mesh, own)| self.member(mesh, own)).unzip();
-            Seen { members, nullspaces }
-        })
+        self.seen.get_or_init(|| self.seen_under(self.penalty))
+    }
+
+    /// The family as training would see it under another penalty.
+    pub fn seen_under(&self, penalty: f64) -> Seen {
+        let family = self.family.members.iter().zip(&self.operators);
+        let member = |(mesh, own)| self.member(mesh, own, penalty);
+        let (members, nullspaces) = family.map(member).unzip();
+        Seen { members, nullspaces }
+    }
+
+    /// The same training under another penalty.
+    pub fn under(self, penalty: f64) -> Self {
+        if penalty == self.penalty {
+            return self;
+        }
+        Self { penalty, seen: OnceLock::new(), finer: OnceLock::new(), ..self }
+    }
+
+    /// How many members there are.
+    pub fn members(&self) -> usize {
+        self.family.members.len()
     }
 
     /// The family on finer samplings, where the heads of a shared trunk are solved for the last time; `None` where they keep
@@ -87,17 +112,17 @@ impl TrainingSet {
         let one = |variant: &TriMesh| {
             let mesh = refined(variant, &surface, self.head_subdivisions);
             let operators = Operators::assemble(&mesh, self.assembly)?;
-            Ok(self.member(&mesh, &operators))
+            Ok(self.member(&mesh, &operators, self.penalty))
         };
         let members: Result<Vec<_>, Failure> = self.family.members.par_iter().map(one).collect();
         let (members, nullspaces) = members?.into_iter().unzip();
         Ok(Some(self.finer.get_or_init(|| Seen { members, nullspaces })))
     }
 
-    fn member(&self, mesh: &TriMesh, operators: &Operators) -> (Member, Dense) {
+    fn member(&self, mesh: &TriMesh, operators: &Operators, penalty: f64) -> (Member, Dense) {
         let fixed = self.boundary.fixed(&operators.boundary);
         let input = network_input(self.features(), mesh, operators);
-        let member = Member::new(input, operators.clone(), self.boundary, self.penalty);
+        let member = Member::new(input, operators.clone(), self.boundary, penalty);
         let nullspace = free_nullspace(&component_labels(mesh), fixed, &member.mass);
         (member, nullspace)
     }
@@ -107,7 +132,7 @@ impl TrainingSet {
 ///
 /// # Errors
 /// When a member has no operators or too few free vertices for K eigenpairs, or the run is interrupted.
-pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<InTraining, Failure> {
+pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<Prepared, Failure> {
     let started = Instant::now();
     let Familied { mut assembled, family, family_digest, known } = familied;
     let (options, train) = (context.pipeline.operators, &context.pipeline.train);
@@ -143,7 +168,7 @@ pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<InT
         head_subdivisions: train.head_subdivisions,
         assembly: options,
     };
-    Ok(InTraining::new(assembled, training))
+    Ok(Prepared { assembled, training })
 }
 
 /// What the network reads of a mesh.

@@ -1,14 +1,14 @@
 //! The stages of a run, and the run that joins them: thin joints between the numerics, the store and the engine.
 //!
 //! ```text
-//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► train φ₁ ─► train φ₂ ─► … ─► predict ─► refine ─┬─► verify ─► publish
-//!                              ├─► predict with a given model ─────────────────────────────► refine ─┤
-//!                              └─► solve ────────────────────────────────────────────────────────────┘
+//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► tune ─► train φ₁ ─► train φ₂ ─► … ─► predict ─► refine ─┬─► verify ─► publish
+//!                              ├─► predict with a given model ───────────────────────────────────────► refine ─┤
+//!                              └─► solve ──────────────────────────────────────────────────────────────────────┘
 //! ```
 //! - [`intake`]: which meshes there are
 //! - [`context`]: what all stages share; recalling a result or computing it
 //! - [`artifacts`]: what the store keeps of each stage
-//! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`train`], [`verify`], [`publish`]: one stage each
+//! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`tune`], [`train`], [`verify`], [`publish`]: one stage each
 //! - [`models`]: trained chains of blocks by name
 //! - [`candidates`]: the stages `predict` and `solve`, which make what is verified
 //! - [`predict`]: prediction with a given model, for which nothing is assembled
@@ -34,6 +34,7 @@ pub mod refine;
 pub mod remesh;
 pub mod run;
 pub mod train;
+pub mod tune;
 pub mod verdict;
 pub mod verify;
 

@@ -15,7 +15,7 @@ use super::train::InTraining;
 use crate::ggnn::Model;
 use crate::ggnn::features::Features;
 use crate::ggnn::model::{DeflationRule, Description, ModelFileError, TrainedMesh};
-use crate::pipeline::{MODEL_EXTENSION as EXTENSION, Pipeline, is_model_file};
+use crate::pipeline::{MODEL_EXTENSION as EXTENSION, Pipeline, Train, is_model_file};
 use crate::store::{Artifact, CacheKey, Digest, Store, StoreError};
 
 /// Digits of a key in a name.
@@ -148,7 +148,7 @@ pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError
 
 /// Makes a training findable by name. A store that cannot be written costs a warning and nothing else.
 pub fn remember(context: &Context, trained: &InTraining) {
-    let InTraining { assembled, training, blocks, .. } = trained;
+    let InTraining { assembled, training, blocks, chosen, .. } = trained;
     let (Some(store), Some(first)) = (&context.store, blocks.first()) else { return };
     let mesh_name = &assembled.loaded.job.name;
     let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(mesh_name)), first.key.to_string());
@@ -159,7 +159,8 @@ pub fn remember(context: &Context, trained: &InTraining) {
         return;
     }
     let features = training.features().clone();
-    let description = describe(&context.pipeline, assembled, trained.known(), features);
+    let description =
+        describe(&context.pipeline, &chosen.train, assembled, trained.known(), features);
     if let Err(error) = put(store, &name, &description, &trunks) {
         tracing::warn!(name, "the model cannot be found by name: {error}");
     }
@@ -168,11 +169,12 @@ pub fn remember(context: &Context, trained: &InTraining) {
 /// What a training is described by.
 fn describe(
     pipeline: &Pipeline,
+    train: &Train,
     assembled: &Assembled,
     known: usize,
     features: Features,
 ) -> Description {
-    let Pipeline { family, operators, features: options, train, .. } = pipeline;
+    let Pipeline { family, operators, features: options, .. } = pipeline;
     let ingested = &assembled.loaded.ingested;
     let name = &assembled.loaded.job.name;
     Description {

@@ -1,4 +1,4 @@
-//! From certified eigenpairs to files: `eigen.npz`, `eigen.ply`, `run.json`, and last `spectrum.json`.
+//! From certified eigenpairs to files: `eigen.npz`, `eigen.ply`, `recipe.toml`, `run.json`, and last `spectrum.json`.
 
 use std::path::Path;
 use std::time::Instant;
@@ -16,7 +16,7 @@ use crate::flow::events::How;
 use crate::mesh::Area;
 use crate::operators::mass::row_sums;
 use crate::operators::{Laplacian, MassKind};
-use crate::pipeline::{Method, Pipeline};
+use crate::pipeline::{Method, Pipeline, Train};
 use crate::publish::PublishError;
 use crate::publish::atomic::{remove, write_if_changed};
 use crate::publish::npz::EigenArrays;
@@ -44,6 +44,10 @@ pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Fail
         mass: row_sums(&assembled.operators.mass),
         mass_kind: assembled.operators.mass_kind,
         reason: (!judgement.is_verified()).then(|| judgement.reason()),
+        recipe_file: match &origin {
+            Origin::Learned { chosen, .. } => chosen.recipe_file.clone(),
+            Origin::Predicted { .. } | Origin::Fem { .. } | Origin::Mpgd { .. } => None,
+        },
         spectrum,
     };
     write(context, assembled.loaded, results, |stages| record(stages, &origin, &order))
@@ -66,6 +70,7 @@ pub fn publish_predicted(context: &Context, predicted: Predicted) -> Result<Mesh
         mass: pencil.vertex_areas(),
         mass_kind: pencil.mass_kind(),
         reason: Some(NOT_VERIFIED.into()),
+        recipe_file: None,
         spectrum,
     };
     write(context, loaded, results, |stages| solved_record(stages, how, order.len()))
@@ -84,6 +89,8 @@ struct Results {
     spectrum: Spectrum,
     /// What it falls short of.
     reason: Option<String>,
+    /// The recipe that a search has found.
+    recipe_file: Option<String>,
 }
 
 fn write(
@@ -93,7 +100,7 @@ fn write(
     record: impl FnOnce(Vec<StageRecord>) -> RunRecord,
 ) -> Result<MeshReport, Failure> {
     let started = Instant::now();
-    let Results { pairs, mass, mass_kind, spectrum, reason } = results;
+    let Results { pairs, mass, mass_kind, spectrum, reason, recipe_file } = results;
     let mesh = &loaded.ingested.mesh;
     let folder = context.out.join(&loaded.job.name);
     let document = spectrum.to_json();
@@ -106,6 +113,10 @@ fn write(
         write_if_changed(&ply, &to_ply(mesh, &pairs))?;
     } else {
         remove(&ply)?;
+    }
+    // A recipe is there to be used by other runs: one that finds none leaves an earlier one where it is.
+    if let Some(text) = recipe_file {
+        write_if_changed(&folder.join("recipe.toml"), text.as_bytes())?;
     }
     loaded.spent("publish", How::Computed, started.elapsed());
     let record = record(loaded.stages);
@@ -155,6 +166,12 @@ pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
     let certificate = &verified.certificate;
     let refined = verified.refinement.as_ref().map(|refined| &refined.pairs.values);
     let area = area_of(&context.pipeline, &assembled.loaded);
+    let train = match &verified.origin {
+        Origin::Learned { chosen, .. } => &chosen.train,
+        Origin::Predicted { .. } | Origin::Fem { .. } | Origin::Mpgd { .. } => {
+            &context.pipeline.train
+        }
+    };
     let verdict = |fine: bool| if fine { Verdict::Verified } else { Verdict::Unverified };
     let judged = certificate.pairs.iter().zip(&verified.judgement.pairs);
     let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {
@@ -171,7 +188,7 @@ pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
         completeness: Some(certificate.completeness.into()),
         quality: Some(assembled.operators.quality.into()),
         repairs: (&assembled.loaded.ingested.repairs).into(),
-        provenance: Provenance::new(parameters(context)),
+        provenance: Provenance::new(parameters(context, train)),
     }
 }
 
@@ -199,7 +216,7 @@ pub fn predicted_spectrum(context: &Context, predicted: &Predicted) -> Spectrum 
         completeness: None,
         quality: None,
         repairs: (&predicted.loaded.ingested.repairs).into(),
-        provenance: Provenance::new(parameters(context)),
+        provenance: Provenance::new(parameters(context, &context.pipeline.train)),
     }
 }
 
@@ -212,9 +229,9 @@ fn area_of(pipeline: &Pipeline, loaded: &Loaded) -> Area {
 }
 
 /// All options that can change a number: not where meshes come from nor which files are written. A given model stands for
-/// the options that it was trained with.
-fn parameters(context: &Context) -> serde_json::Value {
-    let Pipeline { input: _, family, operators, features, train, verify, publish: _ } =
+/// the options that it was trained with. `train`: those that were really used, which a search may have chosen.
+fn parameters(context: &Context, train: &Train) -> serde_json::Value {
+    let Pipeline { input: _, family, operators, features, train: _, verify, publish: _ } =
         &context.pipeline;
     match &context.model {
         Some(given) if train.method == Method::Predict => json!({

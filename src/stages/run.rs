@@ -13,7 +13,7 @@ use super::context::Context;
 use super::intake::Job;
 use super::predict::GivenModel;
 use super::{
-    Failure, assemble, candidates, family, ingest, publish, refine, remesh, train, verify,
+    Failure, assemble, candidates, family, ingest, publish, refine, remesh, train, tune, verify,
 };
 use crate::flow::{EventSink, Outcome, Parcel, Stage, Workers};
 use crate::pipeline::{Method, Pipeline};
@@ -107,9 +107,9 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     Ok(Ended { report, defect })
 }
 
-/// ingest ─► assemble ─┬─► remesh ─► family ─► train φ₁ ─► … ─► train φ_K ─► predict ─► refine ─┬─► verify ─► publish
-///                     ├─► predict with a given model ───────────────────────────► refine ─┤
-///                     └─► solve ──────────────────────────────────────────────────────────┘
+/// ingest ─► assemble ─┬─► remesh ─► family ─► tune ─► train φ₁ ─► … ─► train φ_K ─► predict ─► refine ─┬─► verify ─► publish
+///                     ├─► predict with a given model ────────────────────────────────────────► refine ─┤
+///                     └─► solve ───────────────────────────────────────────────────────────────────────┘
 fn chain(
     context: &Arc<Context>,
     first: Stage<Job, MeshReport, Failure>,
@@ -131,10 +131,11 @@ fn chain(
                 .then(move |item, candidates| refine::refine(&refining, item, candidates))
         }
         Method::LepDpinn => {
-            let (remeshing, preparing) = (c(), c());
+            let (remeshing, preparing, tuning) = (c(), c(), c());
             let mut training = assembled
                 .then(move |item, assembled| remesh::remesh(&remeshing, item, assembled))
-                .then(move |item, familied| family::prepare(&preparing, item, familied));
+                .then(move |item, familied| family::prepare(&preparing, item, familied))
+                .then(move |item, prepared| tune::tune(&tuning, item, prepared));
             for k in 1..=context.pipeline.train.k {
                 let trainer = c();
                 training = training.then(move |item, state| train::train(&trainer, item, k, state));

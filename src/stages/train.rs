@@ -13,7 +13,7 @@ use super::Failure;
 use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::context::{Context, Work, canonical};
-use super::family::{Seen, TrainingSet};
+use super::family::{Prepared, Seen, TrainingSet};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::features::Input;
@@ -22,11 +22,20 @@ use crate::ggnn::paper::{self, train_block};
 use crate::ggnn::predict::append_next;
 use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::{Member, Sample};
-use crate::ggnn::train::{Observer, TrainError, train_blocks};
+use crate::ggnn::train::{Observer, TrainError, train_blocks, trunk_seed};
 use crate::operators::Boundary;
-use crate::pipeline::Pipeline;
+use crate::pipeline::Train;
 use crate::spectrum::Dense;
-use crate::store::{CacheKey, Digest};
+use crate::store::{Artifact, CacheKey, Digest};
+
+/// The options that a mesh is trained by.
+#[derive(Debug, Clone)]
+pub struct Chosen {
+    /// Those of the pipeline, with what a search has chosen in their place.
+    pub train: Train,
+    /// What the search has found, as a recipe file; `None` where there was none.
+    pub recipe_file: Option<String>,
+}
 
 /// A mesh whose first blocks are trained.
 #[derive(Debug, Clone)]
@@ -37,6 +46,8 @@ pub struct InTraining {
     pub training: Arc<TrainingSet>,
     /// The blocks so far, in the order of their eigenfunctions.
     pub blocks: Vec<TrainedBlock>,
+    /// The options that it is trained by.
+    pub chosen: Arc<Chosen>,
     /// The eigenfunctions so far on every member: as many as training has needed; none before the first training.
     earlier: Vec<Dense>,
 }
@@ -60,9 +71,10 @@ pub struct TrainedBlock {
 
 impl InTraining {
     /// A mesh none of whose blocks is trained yet.
-    pub fn new(assembled: Assembled, training: TrainingSet) -> Self {
-        let training = Arc::new(training);
-        Self { assembled, training, blocks: Vec::new(), earlier: Vec::new() }
+    pub fn new(prepared: Prepared, chosen: Chosen) -> Self {
+        let Prepared { assembled, training } = prepared;
+        let (training, chosen) = (Arc::new(training), Arc::new(chosen));
+        Self { assembled, training, blocks: Vec::new(), chosen, earlier: Vec::new() }
     }
 
     /// How many eigenfunctions need no block: those of λ = 0.
@@ -90,7 +102,8 @@ pub fn train(
         return Ok(state);
     }
     let started = Instant::now();
-    let options = &context.pipeline.train;
+    let chosen = state.chosen.clone();
+    let options = &chosen.train;
     let recipe = options.recipe(context.pipeline.features.inputs());
     let wanted = match options.trunk {
         Trunks::PerEigenfunction => k..=k,
@@ -123,26 +136,14 @@ fn work(
     recipe: &Recipe,
     wanted: &RangeInclusive<usize>,
 ) -> Work<TrunkArtifact> {
-    let Pipeline { features, operators, train, .. } = &context.pipeline;
-    let (training, trunk) = (&state.training, train.trunk);
-    let penalty = match operators.boundary {
-        Boundary::Neumann => None,
-        Boundary::Dirichlet => Some(train.boundary_penalty),
-    };
-    let mut work = Work::of_stage()
-        .param("trunk", trunk.name())
+    let train = &state.chosen.train;
+    let work = Work::of_stage()
+        .param("trunk", train.trunk.name())
         .param("recipe", canonical(recipe))
-        .param("penalty", canonical(&penalty))
-        .param("head subdivisions", train.head_subdivisions.to_string())
-        .param("features", canonical(&features.effective()))
-        .input("family", &training.family_digest);
-    if features.input != Input::EdgeLengths || train.head_subdivisions > 0 {
-        // Its frame, its landmarks, or the surface that finer samplings lie on.
-        work = work.input("mesh", &state.assembled.loaded.digest());
-    }
-    let members = training.operators_digests.iter();
-    let work = members.fold(work, |work, operators| work.input("operators", operators));
-    match trunk {
+        .param("penalty", canonical(&penalty(context, train)))
+        .param("head subdivisions", train.head_subdivisions.to_string());
+    let work = of_family(work, context, &state.assembled, &state.training, train);
+    match train.trunk {
         Trunks::PerEigenfunction => {
             let earlier = state.blocks.iter();
             earlier.fold(work.part(*wanted.start()), |work, earlier| {
@@ -153,6 +154,34 @@ fn work(
     }
 }
 
+/// What holds the network to 0 on the boundary, where anything does.
+pub fn penalty(context: &Context, train: &Train) -> Option<f64> {
+    match context.pipeline.operators.boundary {
+        Boundary::Neumann => None,
+        Boundary::Dirichlet => Some(train.boundary_penalty),
+    }
+}
+
+/// `work` that depends on a family as training by the options `train` sees it.
+pub fn of_family<A: Artifact>(
+    work: Work<A>,
+    context: &Context,
+    assembled: &Assembled,
+    training: &TrainingSet,
+    train: &Train,
+) -> Work<A> {
+    let features = &context.pipeline.features;
+    let mut work = work
+        .param("features", canonical(&features.effective()))
+        .input("family", &training.family_digest);
+    if features.input != Input::EdgeLengths || train.head_subdivisions > 0 {
+        // Its frame, its landmarks, or the surface that finer samplings lie on.
+        work = work.input("mesh", &assembled.loaded.digest());
+    }
+    let members = training.operators_digests.iter();
+    members.fold(work, |work, operators| work.input("operators", operators))
+}
+
 /// Trains the blocks for φ of `wanted` on one trunk, against all that is known before them.
 fn trained(
     context: &Context,
@@ -161,25 +190,27 @@ fn trained(
     wanted: &RangeInclusive<usize>,
 ) -> Result<Vec<Block>, Failure> {
     let mesh = &state.assembled.loaded.job.name;
-    let progress = Progress::new(mesh, wanted, recipe.reports(), &context.cancel);
+    let together = if wanted.start() < wanted.end() { " on one trunk" } else { "" };
+    let work = format!("{mesh}: training {}{together}", named(wanted));
+    let progress = Progress::new(mesh, &work, recipe.reports(), &context.cancel);
     let Seen { members, nullspaces } = state.training.seen();
     if state.earlier.is_empty() {
         state.earlier.clone_from(nullspaces);
     }
     catch_up(members, &state.blocks, state.training.known, &mut state.earlier);
     let members = members.iter().zip(&state.earlier);
-    let seed = trunk_seed(context.pipeline.train.seed, *wanted.start());
+    let seed = trunk_seed(state.chosen.train.seed, *wanted.start());
     let blocks = match recipe {
         Recipe::Ritz(recipe) => {
-            let (heads, width) = (wanted.clone().count(), recipe.shape.width);
-            if heads > width {
-                return Err(Failure::NarrowTrunk { heads, width });
-            }
-            let samples = members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
+            let heads = wanted.clone().count();
+            fits(recipe, heads)?;
+            let samples: Vec<_> =
+                members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
+            let held_out = recipe.held_out_of(samples.len());
             let finer = state.training.finer()?;
             train_blocks(samples, recipe, heads, seed, &progress).and_then(|blocks| match finer {
                 None => Ok(blocks),
-                Some(finer) => heads_on(finer, &blocks, recipe),
+                Some(finer) => heads_on(finer, held_out, &blocks, recipe),
             })
         }
         Recipe::Paper(recipe) => {
@@ -195,23 +226,33 @@ fn trained(
     })
 }
 
-/// The blocks of a shared trunk with heads for other samplings.
-fn heads_on(finer: &Seen, blocks: &[Block], recipe: &Ritz) -> Result<Vec<Block>, TrainError> {
-    let members = finer.members.iter().zip(&finer.nullspaces);
+/// Whether a trunk can carry so many heads.
+///
+/// # Errors
+/// When it has fewer features.
+pub fn fits(recipe: &Ritz, heads: usize) -> Result<(), Failure> {
+    let width = recipe.shape.width;
+    if heads > width { Err(Failure::NarrowTrunk { heads, width }) } else { Ok(()) }
+}
+
+/// The blocks of a shared trunk with heads for other samplings; not of the last members, which are `held_out`.
+fn heads_on(
+    finer: &Seen,
+    held_out: usize,
+    blocks: &[Block],
+    recipe: &Ritz,
+) -> Result<Vec<Block>, TrainError> {
+    let seen = finer.members.len() - held_out;
+    let members = finer.members.iter().zip(&finer.nullspaces).take(seen);
     let samples: Vec<_> =
         members.map(|(member, nullspace)| Sample::new(member, nullspace)).collect();
     solve_heads(blocks, &samples, recipe.ridge).ok_or(TrainError::Degenerate { step: recipe.steps })
 }
 
 /// φ2, or φ2…φ16.
-fn named(functions: &RangeInclusive<usize>) -> String {
+pub fn named(functions: &RangeInclusive<usize>) -> String {
     let (first, last) = (functions.start(), functions.end());
     if first == last { format!("φ{first}") } else { format!("φ{first}…φ{last}") }
-}
-
-/// Every trunk has its own stream of the pipeline's seed, by the first eigenfunction that it is for.
-fn trunk_seed(seed: u64, k: usize) -> u64 {
-    seed ^ (k as u64).rotate_left(32)
 }
 
 /// Predicts on every member what the blocks since the last training add.
@@ -223,37 +264,26 @@ fn catch_up(members: &[Member], blocks: &[TrainedBlock], known: usize, earlier: 
     });
 }
 
-/// Shows a training on its progress bar and tells it when to stop.
-struct Progress<'c> {
+/// Shows trainings on a progress bar and tells them when to stop.
+pub struct Progress<'c> {
     bar: tracing::Span,
     cancel: &'c CancellationToken,
 }
 
 impl<'c> Progress<'c> {
-    fn new(
-        mesh: &str,
-        wanted: &RangeInclusive<usize>,
-        steps: usize,
-        cancel: &'c CancellationToken,
-    ) -> Self {
-        let functions = named(wanted);
-        let bar = tracing::info_span!(
-            "train",
-            mesh,
-            functions,
-            indicatif.pb_show = tracing::field::Empty
-        );
+    /// A bar for `work` on a mesh, of so many steps in all.
+    pub fn new(mesh: &str, work: &str, steps: usize, cancel: &'c CancellationToken) -> Self {
+        let bar = tracing::info_span!("train", mesh, indicatif.pb_show = tracing::field::Empty);
         bar.pb_set_length(steps as u64);
-        let together = if wanted.start() < wanted.end() { " on one trunk" } else { "" };
-        bar.pb_set_message(&format!("{mesh}: training {functions}{together}"));
+        bar.pb_set_message(work);
         bar.pb_start();
         Self { bar, cancel }
     }
 }
 
 impl Observer for Progress<'_> {
-    fn step(&self, step: usize, _steps: usize, _quotient: f64) {
-        self.bar.pb_set_position(step as u64);
+    fn step(&self, _step: usize, _steps: usize, _quotient: f64) {
+        self.bar.pb_inc(1);
     }
 
     fn cancelled(&self) -> bool {

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Description, Model};
-use crate::ggnn::block::{Block, TrainingRecord};
+use crate::ggnn::block::{Block, Check, TrainingRecord};
 use crate::ggnn::network::{TrunkShape, parameter_sizes};
 
 /// The schema that this code reads and writes.
@@ -190,7 +190,12 @@ fn trunk_tensors(k: usize, Block { shape, weights, record, .. }: &Block) -> Vec<
         (format!("phi{k}.trunk.{i}"), tensor)
     });
     let history = (format!("phi{k}.history"), Tensor::of_doubles(&record.history));
-    parameters.chain([history]).collect()
+    // Only where there are any: other models have the file that they had before anything could be held out.
+    let held_out: Vec<f64> =
+        record.held_out.iter().flat_map(|check| [check.step as f64, check.loss]).collect();
+    let held_out = (format!("phi{k}.held_out"), Tensor::of_doubles(&held_out));
+    let held_out = (!record.held_out.is_empty()).then_some(held_out);
+    parameters.chain([history]).chain(held_out).collect()
 }
 
 impl TrunkHeader {
@@ -264,12 +269,28 @@ impl Reader<'_> {
         });
         let weights = Arc::new(weights.collect::<Result<Vec<_>, ModelFault>>()?);
         let history = self.doubles(&format!("phi{k}.history"))?;
+        let held_out = self.held_out(k)?;
         let block = |k| {
             let (head, [untrained, trained]) = self.head(k, shape)?;
-            let record = TrainingRecord { history: history.clone(), untrained, trained };
+            let (history, held_out) = (history.clone(), held_out.clone());
+            let record = TrainingRecord { history, untrained, trained, held_out };
             Ok(Block { shape, weights: weights.clone(), head, record })
         };
         (k..).take(heads).map(block).collect()
+    }
+
+    /// What the training of φ_k's trunk found on members that were held out: none, unless the file says so.
+    fn held_out(&self, k: usize) -> Result<Vec<Check>, ModelFault> {
+        let name = format!("phi{k}.held_out");
+        if self.0.tensor(&name).is_err() {
+            return Ok(Vec::new());
+        }
+        let numbers = self.doubles(&name)?;
+        let (checks, rest) = numbers.as_chunks();
+        if !rest.is_empty() || checks.iter().any(|[step, _]| (*step as usize) as f64 != *step) {
+            return Err(damaged(format!("{name} is no list of steps and losses")));
+        }
+        Ok(checks.iter().map(|&[step, loss]| Check { step: step as usize, loss }).collect())
     }
 
     /// w_out of φ_k, and its quotients before and after training.

@@ -1,7 +1,7 @@
 //! A tiny untrained model of the unit sphere, for tests.
 
 use super::*;
-use crate::ggnn::block::TrainingRecord;
+use crate::ggnn::block::{Check, TrainingRecord};
 use crate::ggnn::features::FeatureOptions;
 use crate::ggnn::network::{Trunk, TrunkShape};
 use crate::ggnn::recipe::Ritz;
@@ -32,7 +32,12 @@ pub fn sphere_model_reading(features: Features) -> Model {
         shape,
         weights: Trunk::<f32>::init(shape, ranges, seed).weights().into(),
         head: (0..4).map(|i| (seed as f64 + 0.1) / (i as f64 + 3.0)).collect(),
-        record: TrainingRecord { history: vec![30.0, 1.0 / 3.0], untrained: 31.0, trained: 29.5 },
+        record: TrainingRecord {
+            history: vec![30.0, 1.0 / 3.0],
+            untrained: 31.0,
+            trained: 29.5,
+            held_out: vec![Check { step: 1, loss: 3.5 }, Check { step: 2, loss: 1.0 / 7.0 }],
+        },
     };
     let topology = Topology::of(&mesh);
     Model {

@@ -63,7 +63,7 @@ pub fn train_block(
     let mut block = block(recipe, &network);
     let trained =
         quotient(samples, &block).ok_or(TrainError::Degenerate { step: recipe.epochs })?;
-    block.record = TrainingRecord { history, untrained, trained };
+    block.record = TrainingRecord { history, untrained, trained, held_out: vec![] };
     Ok(block)
 }
 
@@ -113,7 +113,12 @@ fn block(recipe: &Paper, network: &Network<f32>) -> Block {
         shape: recipe.shape,
         weights: Arc::new(network.trunk.weights()),
         head: network.head(),
-        record: TrainingRecord { history: vec![], untrained: f64::NAN, trained: f64::NAN },
+        record: TrainingRecord {
+            history: vec![],
+            untrained: f64::NAN,
+            trained: f64::NAN,
+            held_out: vec![],
+        },
     }
 }
 

@@ -1,0 +1,71 @@
+//! A pipeline file as types: every key with its default, unknown keys refused with the nearest known one.
+//!
+//! - `train`: `[train]`, and the recipe that its options make; `verify`: `[verify]`; `mpgd_step`: one of its options
+//! - `file`: from a file's text, the recipe's defaults and `--set` to a [`Pipeline`]
+//! - `recipe_file`: options of `[train]` in a file of their own, which a search leaves
+//! - `check`: which values can work, alone and together
+//! - `error`: why a pipeline cannot be run
+
+mod check;
+mod error;
+mod file;
+mod mpgd_step;
+mod recipe_file;
+mod train;
+mod verify;
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::ggnn::features::FeatureOptions;
+use crate::operators::OperatorOptions;
+use crate::remesh::FamilyRecipe;
+pub use error::PipelineError;
+pub use file::{MODEL_EXTENSION, is_model_file};
+pub use mpgd_step::MpgdStep;
+pub use recipe_file::FoundRecipe;
+pub use train::{Method, RecipeName, Refine, Train};
+pub use verify::{MpgdDirection, Verify};
+
+/// What to compute, for which meshes, and how to judge it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Pipeline {
+    /// Where meshes come from.
+    pub input: Input,
+    /// The variants that a model is trained on.
+    pub family: FamilyRecipe,
+    /// `[operators]`: which Laplacian, with which mass.
+    pub operators: OperatorOptions,
+    /// What the network reads.
+    pub features: FeatureOptions,
+    /// How many eigenpairs, and how blocks are trained.
+    pub train: Train,
+    /// The second opinions, and the tolerances of the verdict.
+    pub verify: Verify,
+    /// The files that are written.
+    pub publish: Publish,
+}
+
+/// `[input]`
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Input {
+    /// Mesh files, or folders that are searched for them; relative to the pipeline file.
+    pub paths: Vec<PathBuf>,
+}
+
+/// `[publish]`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Publish {
+    /// Write `eigen.ply`: the mesh with a property for every eigenfunction.
+    pub ply: bool,
+}
+
+impl Default for Publish {
+    fn default() -> Self {
+        Self { ply: true }
+    }
+}
