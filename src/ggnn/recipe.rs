@@ -68,7 +68,7 @@ pub struct Ritz {
     /// longer free to mix with its next neighbour. They get no head.
     #[serde(default)]
     pub spare: usize,
-    /// Parallel tapes; the bits of the result depend on it, not on the number of threads.
+    /// Parallel tapes, at most one a member of a batch; the bits of the result depend on it, not on the number of threads.
     pub shards: usize,
     /// Members, the last ones, that training does not see and is ended by.
     #[serde(default, skip_serializing_if = "is_zero")]

@@ -82,7 +82,8 @@ pub fn train_blocks(
     let everyone: Vec<usize> = (0..seen.len()).collect();
     let mut batches = Batches::new(seen.len(), recipe.batch, seed);
     let mut watch = Watch::new(held_out, recipe.steps);
-    Shards::run(seen, recipe.shards, |shards| {
+    // More than a batch has members would have nothing to do in a step, and keep a lone member from all threads.
+    Shards::run(seen, recipe.shards.min(recipe.batch), |shards| {
         let solve = |grams: Grams, heads: usize, step: usize| {
             grams.solve(recipe.ridge, heads).ok_or(TrainError::Degenerate { step })
         };

@@ -68,7 +68,8 @@ pub struct Train {
     pub tune: usize,
     /// What holds the network to 0 on a Dirichlet boundary, relative to the stiffness's own diagonal.
     pub boundary_penalty: f64,
-    /// `ritz`: parallel tapes. The bits of a result depend on it, but not on the number of threads.
+    /// `ritz`: parallel tapes, at most one a member of a batch. The bits of a result depend on it, but not on the number
+    /// of threads.
     pub shards: usize,
     /// `paper`: passes through the family for a block.
     pub epochs: usize,
