@@ -133,7 +133,7 @@ fn blocks(shared: bool, layer: Layer) -> Vec<Block> {
     let shape = TrunkShape { layer, ..Ritz::default().shape };
     let weights = |seed| Arc::new(Trunk::init(shape, Ritz::default().ranges, seed).weights());
     let first = weights(0);
-    let record = TrainingRecord { history: vec![], untrained: 0.0, trained: 0.0, held_out: vec![] };
+    let record = TrainingRecord::default();
     let block = |k: usize| Block {
         shape,
         weights: if shared { first.clone() } else { weights(k as u64) },

@@ -133,7 +133,7 @@ fn products_seconds(shape: TrunkShape, n: usize, rows: usize, threads: usize) ->
 fn prediction_seconds(shape: TrunkShape) -> f64 {
     let mesh = icosphere(LEVELS);
     let weights = Arc::new(Trunk::init(shape, Ritz::default().ranges, 0).weights());
-    let record = TrainingRecord { history: vec![], untrained: 0.0, trained: 0.0, held_out: vec![] };
+    let record = TrainingRecord::default();
     let block = |k: usize| Block {
         shape,
         weights: weights.clone(),

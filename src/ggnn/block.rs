@@ -6,7 +6,7 @@ use super::network::{Trunk, TrunkShape};
 use super::ops::rayleigh::decode;
 
 /// What became of one training.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct TrainingRecord {
     /// The Rayleigh quotient of the batch at every step, in units of 1/area; of a shared trunk the geometric mean of all
     /// its heads'.

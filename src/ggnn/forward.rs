@@ -215,8 +215,7 @@ mod tests {
 
     fn heads(shape: TrunkShape) -> Vec<Block> {
         let weights = Arc::new(Trunk::init(shape, RANGES, 5).weights());
-        let record =
-            TrainingRecord { history: vec![], untrained: 0.0, trained: 0.0, held_out: vec![] };
+        let record = TrainingRecord::default();
         let head = |seed: usize| (0..=shape.width).map(|j| ((j * seed) as f64).sin()).collect();
         let block = |seed| Block {
             shape,

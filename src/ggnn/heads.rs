@@ -5,13 +5,12 @@
 //! solved with: on 500 vertices by per cents. Solved on the same members with finer triangles it costs one forward pass
 //! over them, and no training.
 
+use dfdx::prelude::NoneTape;
 use rayon::prelude::*;
 
 use super::block::Block;
 use super::head::{Grams, Head};
-use super::ops::entries;
 use super::sample::Sample;
-use dfdx::prelude::Cpu;
 
 /// The blocks of one trunk with heads that are solved over `samples`; `None` when its features do not span as many
 /// functions there.
@@ -22,11 +21,8 @@ pub fn solve_heads(blocks: &[Block], samples: &[Sample], ridge: f64) -> Option<V
     let trunk = first.trunk();
     let (width, layers) = (first.shape.width, trunk.prepared());
     let gram = |sample: &Sample| {
-        let x = sample.input.tensor(&Cpu::default());
-        let features = trunk.forward_with(&layers, x, &sample.input.graph);
         let mut grams = Grams::zeros(width);
-        let deflation = &sample.pencil.deflation;
-        grams.include(&entries(&features), &sample.stiffness, &sample.mass, deflation);
+        sample.forward(&trunk, &layers, NoneTape, &mut grams);
         grams
     };
     // Added in the order of the samples.

@@ -91,14 +91,8 @@ pub fn predict_next(
 /// The same, as a further column of `phi`, the earlier ones.
 pub fn append_next(block: &Block, input: &NetworkInput, mass: &impl InnerProduct, phi: &mut Dense) {
     let (next, columns) = (predict_next(block, input, mass, phi), phi.ncols());
-    *phi =
-        Dense::from_fn(
-            phi.nrows(),
-            columns + 1,
-            |i, j| {
-                if j < columns { phi[(i, j)] } else { next[i] }
-            },
-        );
+    let entry = |i, j| if j < columns { phi[(i, j)] } else { next[i] };
+    *phi = Dense::from_fn(phi.nrows(), columns + 1, entry);
 }
 
 /// All eigenfunctions on a mesh: the `known` ones (constants, n×c), then one for every block. n×(c + blocks).

@@ -2,10 +2,17 @@
 
 use std::sync::Arc;
 
+use dfdx::prelude::*;
+use rayon::prelude::*;
+
+use super::block::Block;
 use super::deflation::Deflation;
+use super::head::Grams;
+use super::network::{Prepared, Trunk};
 use super::ops::graph::Graph;
 use super::ops::rayleigh::MemberPencil;
-use super::predict::NetworkInput;
+use super::ops::{Matrix, lent};
+use super::predict::{NetworkInput, append_next};
 use crate::operators::{Boundary, Operators, Sparse};
 use crate::spectrum::Dense;
 
@@ -89,4 +96,33 @@ impl Sample {
             }),
         }
     }
+
+    /// Prepares several members, each with the functions known on it.
+    pub fn all(members: &[Member], earlier: &[Dense]) -> Vec<Self> {
+        members.iter().zip(earlier).map(|(member, earlier)| Self::new(member, earlier)).collect()
+    }
+
+    /// The features of this member, and the tape that goes on from them; adds their Gram matrices to `sum`.
+    pub(super) fn forward<T: Tape<f32, Cpu>>(
+        &self,
+        trunk: &Trunk<f32>,
+        layers: &Prepared<f32>,
+        tape: T,
+        sum: &mut Grams,
+    ) -> (Matrix<f32>, T) {
+        let Self { input, stiffness, mass, pencil } = self;
+        let x = input.tensor(&Cpu::default()).put_tape(tape);
+        let (features, tape) = trunk.forward_with(layers, x, &input.graph).split_tape();
+        sum.include(&lent(&features), stiffness, mass, &pencil.deflation);
+        (features, tape)
+    }
+}
+
+/// Appends to the functions that are known on every member what `blocks` predict there, one after the other.
+pub fn append_predictions(members: &[Member], blocks: &[&Block], known: &mut [Dense]) {
+    members.par_iter().zip(known).for_each(|(member, phi)| {
+        for block in blocks {
+            append_next(block, &member.input, &member.mass, phi);
+        }
+    });
 }

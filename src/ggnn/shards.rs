@@ -12,10 +12,10 @@ use dfdx::prelude::*;
 
 use super::head::{Grams, Head};
 use super::network::Trunk;
+use super::ops::Matrix;
 use super::ops::dealt::deal_rows;
 use super::ops::rayleigh::{MemberPencil, Term, rayleigh};
 use super::ops::real::add;
-use super::ops::{Matrix, lent};
 use super::sample::Sample;
 
 /// The shards of one training, as its coordinator sees them.
@@ -143,15 +143,13 @@ struct Passed {
 impl Passed {
     /// The features of some members, and the sums of their Gram matrices.
     fn forward(trunk: Trunk<f32>, members: Vec<&Sample>) -> (Self, Grams) {
-        let (device, layers) = (Cpu::default(), trunk.prepared());
+        let layers = trunk.prepared();
         let mut sum = Grams::zeros(trunk.shape().width);
         let mut tape = OwnedTape::default();
         let mut all = Vec::with_capacity(members.len());
-        for Sample { input, stiffness, mass, pencil } in members {
-            let x = input.tensor(&device).put_tape(tape);
-            let (features, rest) = trunk.forward_with(&layers, x, &input.graph).split_tape();
-            sum.include(&lent(&features), stiffness, mass, &pencil.deflation);
-            all.push((features, pencil.clone()));
+        for sample in members {
+            let (features, rest) = sample.forward(&trunk, &layers, tape, &mut sum);
+            all.push((features, sample.pencil.clone()));
             tape = rest;
         }
         (Self { trunk, tape, features: all }, sum)

@@ -9,13 +9,11 @@
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::block::Block;
 use super::held_out::loss;
-use super::predict::append_next;
 use super::recipe::{Ritz, Trunks};
-use super::sample::{Member, Sample};
+use super::sample::{Member, Sample, append_predictions};
 use super::train::{Observer, TrainError, train_blocks, trunk_seed};
 use crate::operators::Boundary;
 use crate::spectrum::Dense;
@@ -270,7 +268,7 @@ impl Judge {
         // Trials go to the end: what is held out is for the judge.
         let recipe = Ritz { held_out: 0, ..*recipe };
         match self.train(&recipe, seen, known, observer) {
-            Ok(blocks) => Ok(loss(&blocks, &samples(held_out, there))),
+            Ok(blocks) => Ok(loss(&blocks, &Sample::all(held_out, there))),
             Err(TrainError::Degenerate { .. }) => Ok(f64::INFINITY),
             Err(TrainError::Cancelled) => Err(TrainError::Cancelled),
         }
@@ -286,25 +284,18 @@ impl Judge {
         let first = self.known + 1;
         let seed = |k| trunk_seed(self.seed, k);
         if self.trunks == Trunks::Shared {
-            let samples = samples(members, known);
+            let samples = Sample::all(members, known);
             return train_blocks(samples, recipe, self.count, seed(first), observer);
         }
         let (mut earlier, mut blocks) = (known.to_vec(), Vec::new());
         for k in first..first + self.count {
-            let trained = train_blocks(samples(members, &earlier), recipe, 1, seed(k), observer)?;
-            members.par_iter().zip(&mut earlier).for_each(|(member, phi)| {
-                for block in &trained {
-                    append_next(block, &member.input, &member.mass, phi);
-                }
-            });
+            let samples = Sample::all(members, &earlier);
+            let trained = train_blocks(samples, recipe, 1, seed(k), observer)?;
+            append_predictions(members, &trained.iter().collect::<Vec<_>>(), &mut earlier);
             blocks.extend(trained);
         }
         Ok(blocks)
     }
-}
-
-fn samples(members: &[Member], earlier: &[Dense]) -> Vec<Sample> {
-    members.iter().zip(earlier).map(|(member, earlier)| Sample::new(member, earlier)).collect()
 }
 
 #[cfg(test)]

@@ -10,20 +10,6 @@ use crate::ggnn::recipe::Trunks;
 use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 
-/// Sizes beyond these are slips of the keyboard, and would be found out by running out of memory.
-const LARGEST: [(&str, usize); 10] = [
-    ("train.k", 10_000),
-    ("train.width", 8_192),
-    ("train.layers", 64),
-    ("train.iterations", 64),
-    ("train.shards", 256),
-    ("family.members", 10_000),
-    ("features.landmarks", 1_024),
-    ("train.spare", 1_024),
-    ("train.head_subdivisions", MOST_SUBDIVISIONS),
-    ("train.tune", 1_024),
-];
-
 /// Options that only one recipe reads.
 const RITZ_ONLY: [&str; 8] = [
     "train.trunk",
@@ -53,6 +39,18 @@ const PAPER_ONLY: [&str; 9] = [
 /// More would make meshes of hundreds of times the size.
 const MOST_SUBDIVISIONS: usize = 3;
 
+/// Refuses the first of these options that is not finite or of which `holds` is not true.
+fn refuse_unless(
+    options: &[(&'static str, f64)],
+    holds: impl Fn(f64) -> bool,
+    rule: &'static str,
+) -> Result<(), PipelineError> {
+    match options.iter().find(|(_, value)| !(holds(*value) && value.is_finite())) {
+        Some(&(key, value)) => Err(PipelineError::Value { key, value: value.to_string(), rule }),
+        None => Ok(()),
+    }
+}
+
 impl Pipeline {
     /// Whether the values can work, alone and together.
     ///
@@ -64,71 +62,67 @@ impl Pipeline {
         self.verify.check_step()?;
         self.train.check_layer()?;
         self.train.check_recipe()?;
-        let Train { k, width, iterations, steps, batch, shards, .. } = self.train;
-        for (key, value) in [
-            ("train.k", k),
-            ("train.width", width),
-            ("train.iterations", iterations),
-            ("train.steps", steps),
-            ("train.batch", batch),
-            ("train.epochs", self.train.epochs),
-            ("train.shards", shards),
-            ("family.members", self.family.members),
-            ("features.landmarks", self.features.landmarks),
-            ("verify.mpgd_iterations", self.verify.mpgd_iterations),
-        ] {
-            if value == 0 {
-                return Err(PipelineError::Value {
-                    key,
-                    value: "0".into(),
-                    rule: "must be at least 1",
-                });
-            }
-        }
-        let (members, landmarks) = (self.family.members, self.features.landmarks);
-        let Train { layers, spare, head_subdivisions: finer, tune, .. } = self.train;
-        let sizes = [k, width, layers, iterations, shards, members, landmarks, spare, finer, tune];
-        for ((key, largest), value) in LARGEST.into_iter().zip(sizes) {
-            if value > largest {
-                let rule = "is more than can be meant; lower it";
-                return Err(PipelineError::Value { key, value: value.to_string(), rule });
-            }
-        }
+        self.check_sizes()?;
         self.check_family()?;
         self.check_held_out()?;
-        for (key, value) in [
-            ("train.learning_rate", self.train.learning_rate),
-            ("train.encoder_range", self.train.encoder_range),
-            ("train.decay", self.train.decay),
-            ("train.boundary_penalty", self.train.boundary_penalty),
-            ("verify.lambda_tolerance", self.verify.lambda_tolerance),
-            ("verify.angle_tolerance", self.verify.angle_tolerance),
-            ("verify.orthonormality_tolerance", self.verify.orthonormality_tolerance),
-            ("verify.residual_tolerance", self.verify.residual_tolerance),
-            ("verify.mpgd_tolerance", self.verify.mpgd_tolerance),
+        self.check_numbers()
+    }
+
+    fn check_sizes(&self) -> Result<(), PipelineError> {
+        let (Pipeline { train, family, features, verify, .. }, any) = (self, usize::MAX);
+        // What is beyond the largest is a slip of the keyboard, and would be found out by running out of memory.
+        for (key, value, least, largest) in [
+            ("train.k", train.k, 1, 10_000),
+            ("train.width", train.width, 1, 8_192),
+            ("train.iterations", train.iterations, 1, 64),
+            ("train.steps", train.steps, 1, any),
+            ("train.batch", train.batch, 1, any),
+            ("train.epochs", train.epochs, 1, any),
+            ("train.shards", train.shards, 1, 256),
+            ("family.members", family.members, 1, 10_000),
+            ("features.landmarks", features.landmarks, 1, 1_024),
+            ("verify.mpgd_iterations", verify.mpgd_iterations, 1, any),
+            ("train.layers", train.layers, 0, 64),
+            ("train.spare", train.spare, 0, 1_024),
+            ("train.head_subdivisions", train.head_subdivisions, 0, MOST_SUBDIVISIONS),
+            ("train.tune", train.tune, 0, 1_024),
         ] {
-            if !(value > 0.0 && value.is_finite()) {
-                let rule = "must be a positive number";
-                return Err(PipelineError::Value { key, value: value.to_string(), rule });
-            }
-        }
-        for (key, value) in [
-            ("train.hidden_range", self.train.hidden_range),
-            ("train.ridge", self.train.ridge),
-            ("train.boundary_weight", self.train.boundary_weight),
-            ("train.residual_weight", self.train.residual_weight),
-            ("train.orthogonality_weight", self.train.orthogonality_weight),
-            ("train.residual_start", self.train.residual_start),
-            ("family.jitter", self.family.jitter),
-            ("family.perturbation", self.family.perturbation),
-            ("family.flips", self.family.flips),
-        ] {
-            if !(value >= 0.0 && value.is_finite()) {
-                let rule = "must not be negative";
-                return Err(PipelineError::Value { key, value: value.to_string(), rule });
-            }
+            let rule = match value {
+                _ if value < least => "must be at least 1",
+                _ if value > largest => "is more than can be meant; lower it",
+                _ => continue,
+            };
+            return Err(PipelineError::Value { key, value: value.to_string(), rule });
         }
         Ok(())
+    }
+
+    fn check_numbers(&self) -> Result<(), PipelineError> {
+        let Pipeline { train, family, verify, .. } = self;
+        let positive = [
+            ("train.learning_rate", train.learning_rate),
+            ("train.encoder_range", train.encoder_range),
+            ("train.decay", train.decay),
+            ("train.boundary_penalty", train.boundary_penalty),
+            ("verify.lambda_tolerance", verify.lambda_tolerance),
+            ("verify.angle_tolerance", verify.angle_tolerance),
+            ("verify.orthonormality_tolerance", verify.orthonormality_tolerance),
+            ("verify.residual_tolerance", verify.residual_tolerance),
+            ("verify.mpgd_tolerance", verify.mpgd_tolerance),
+        ];
+        refuse_unless(&positive, |value| value > 0.0, "must be a positive number")?;
+        let not_negative = [
+            ("train.hidden_range", train.hidden_range),
+            ("train.ridge", train.ridge),
+            ("train.boundary_weight", train.boundary_weight),
+            ("train.residual_weight", train.residual_weight),
+            ("train.orthogonality_weight", train.orthogonality_weight),
+            ("train.residual_start", train.residual_start),
+            ("family.jitter", family.jitter),
+            ("family.perturbation", family.perturbation),
+            ("family.flips", family.flips),
+        ];
+        refuse_unless(&not_negative, |value| value >= 0.0, "must not be negative")
     }
 
     fn check_family(&self) -> Result<(), PipelineError> {

@@ -47,26 +47,16 @@ impl Pipeline {
         assignments: &[String],
         folder: &Path,
     ) -> Result<Self, PipelineError> {
-        let malformed = |reason: String| PipelineError::Malformed {
-            path: name.to_string(),
-            reason: plain(&reason),
-        };
-        // Parsed as a pipeline first: the errors then carry line and column.
-        toml::from_str::<Self>(text).map_err(|e| malformed(e.to_string()))?;
-        let mut table: Table =
-            text.parse().map_err(|e: toml::de::Error| malformed(e.to_string()))?;
-        refuse_unknown(name, &table, &known_keys())?;
+        let mut table = options(name, text)?;
         for argument in assignments {
             assign(&mut table, argument)?;
             refuse_unknown("--set", &table, &known_keys())?;
-            table.clone().try_into::<Self>().map_err(|e| PipelineError::Malformed {
-                path: format!("--set {argument}"),
-                reason: plain(&e.to_string()),
-            })?;
+            let place = || format!("--set {argument}");
+            table.clone().try_into::<Self>().map_err(|e| malformed(place(), &e))?;
         }
         let laid = recipe_file::lay_under(&mut table, folder)?;
         lay_recipe_under(&mut table);
-        let pipeline: Self = table.try_into().map_err(|e| malformed(e.to_string()))?;
+        let pipeline: Self = table.try_into().map_err(|e| malformed(name.to_string(), &e))?;
         match (pipeline.check(), laid) {
             (Ok(()), _) => Ok(pipeline),
             (Err(error), None) => Err(error),
@@ -83,8 +73,21 @@ pub fn is_model_file(model: &str) -> bool {
     model.contains(['/', '\\']) || model.ends_with(&format!(".{MODEL_EXTENSION}"))
 }
 
+/// The options that a text sets, all of them known; `name` is for messages.
+pub(super) fn options(name: &str, text: &str) -> Result<Table, PipelineError> {
+    // Parsed as a pipeline first: the errors then carry line and column.
+    let parsed = toml::from_str::<Pipeline>(text).and_then(|_| text.parse());
+    let table: Table = parsed.map_err(|e| malformed(name.to_string(), &e))?;
+    refuse_unknown(name, &table, &known_keys())?;
+    Ok(table)
+}
+
+fn malformed(path: String, error: &toml::de::Error) -> PipelineError {
+    PipelineError::Malformed { path, reason: plain(&error.to_string()) }
+}
+
 /// A message of the parser in words that are not Rust's.
-pub(super) fn plain(reason: &str) -> String {
+fn plain(reason: &str) -> String {
     reason
         .trim_end()
         .replace("expected usize", "expected a whole number")
@@ -143,7 +146,7 @@ fn lay_recipe_under(table: &mut Table) {
 }
 
 /// All options as `section.key`, from the defaults.
-pub(super) fn known_keys() -> Vec<String> {
+fn known_keys() -> Vec<String> {
     let defaults = Table::try_from(Pipeline::default()).unwrap_or_default();
     flatten(&defaults)
 }
@@ -160,11 +163,7 @@ fn flatten(table: &Table) -> Vec<String> {
         .collect()
 }
 
-pub(super) fn refuse_unknown(
-    name: &str,
-    table: &Table,
-    known: &[String],
-) -> Result<(), PipelineError> {
+fn refuse_unknown(name: &str, table: &Table, known: &[String]) -> Result<(), PipelineError> {
     let sections: Vec<&str> = known.iter().filter_map(|k| Some(k.split_once('.')?.0)).collect();
     let empty = table.iter().filter(|(section, value)| {
         value.as_table().is_some_and(Table::is_empty) && !sections.contains(&section.as_str())

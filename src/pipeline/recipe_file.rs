@@ -7,8 +7,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::file::{known_keys, plain, refuse_unknown};
-use super::{Pipeline, PipelineError};
+use super::{PipelineError, file};
 use crate::ggnn::recipe::{Ritz, Trunks};
 use crate::ggnn::tune::{Choice, Effort, Space, Trial, Tuning};
 use crate::operators::Boundary;
@@ -66,14 +65,7 @@ pub(super) fn lay_under(table: &mut Table, folder: &Path) -> Result<Option<Laid>
 fn read(path: &str) -> Result<Table, PipelineError> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| PipelineError::NoRecipe { path: path.into(), reason: e.to_string() })?;
-    let malformed = |e: toml::de::Error| PipelineError::Malformed {
-        path: path.into(),
-        reason: plain(&e.to_string()),
-    };
-    // As a pipeline first: the errors then carry line and column.
-    toml::from_str::<Pipeline>(&text).map_err(malformed)?;
-    let mut table: Table = text.parse().map_err(malformed)?;
-    refuse_unknown(path, &table, &known_keys())?;
+    let mut table = file::options(path, &text)?;
     if let Some(section) = table.keys().find(|section| *section != "train") {
         let section = section.clone();
         return Err(PipelineError::NotOfRecipe { path: path.into(), section });
@@ -190,7 +182,7 @@ mod tests {
     use super::super::file::tests::parse;
     use super::*;
     use crate::ggnn::recipe::Recipe;
-    use crate::pipeline::RecipeName;
+    use crate::pipeline::{Pipeline, RecipeName};
 
     /// A folder with `recipe.toml`, and a pipeline that names it.
     fn with_recipe(recipe: &str, pipeline: &str) -> Result<Pipeline, PipelineError> {

@@ -72,6 +72,16 @@ pub enum Origin {
     },
 }
 
+impl Origin {
+    /// The options that blocks were trained by, where any were.
+    pub fn chosen(&self) -> Option<&Chosen> {
+        match self {
+            Self::Learned { chosen, .. } => Some(chosen),
+            Self::Predicted { .. } | Self::Fem { .. } | Self::Mpgd { .. } => None,
+        }
+    }
+}
+
 /// Predicts the eigenfunctions of the mesh with its blocks.
 ///
 /// # Errors

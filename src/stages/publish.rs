@@ -44,10 +44,7 @@ pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Fail
         mass: row_sums(&assembled.operators.mass),
         mass_kind: assembled.operators.mass_kind,
         reason: (!judgement.is_verified()).then(|| judgement.reason()),
-        recipe_file: match &origin {
-            Origin::Learned { chosen, .. } => chosen.recipe_file.clone(),
-            Origin::Predicted { .. } | Origin::Fem { .. } | Origin::Mpgd { .. } => None,
-        },
+        recipe_file: origin.chosen().and_then(|chosen| chosen.recipe_file.clone()),
         spectrum,
     };
     write(context, assembled.loaded, results, |stages| record(stages, &origin, &order))
@@ -166,12 +163,8 @@ pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
     let certificate = &verified.certificate;
     let refined = verified.refinement.as_ref().map(|refined| &refined.pairs.values);
     let area = area_of(&context.pipeline, &assembled.loaded);
-    let train = match &verified.origin {
-        Origin::Learned { chosen, .. } => &chosen.train,
-        Origin::Predicted { .. } | Origin::Fem { .. } | Origin::Mpgd { .. } => {
-            &context.pipeline.train
-        }
-    };
+    let chosen = verified.origin.chosen();
+    let train = chosen.map_or(&context.pipeline.train, |chosen| &chosen.train);
     let verdict = |fine: bool| if fine { Verdict::Verified } else { Verdict::Unverified };
     let judged = certificate.pairs.iter().zip(&verified.judgement.pairs);
     let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {

@@ -5,7 +5,6 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Instant;
 
-use rayon::prelude::*;
 use tokio_util::sync::CancellationToken;
 use tracing_indicatif::span_ext::IndicatifSpanExt;
 
@@ -19,9 +18,8 @@ use crate::ggnn::Block;
 use crate::ggnn::features::Input;
 use crate::ggnn::heads::solve_heads;
 use crate::ggnn::paper::{self, train_block};
-use crate::ggnn::predict::append_next;
 use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
-use crate::ggnn::sample::{Member, Sample};
+use crate::ggnn::sample::{Sample, append_predictions};
 use crate::ggnn::train::{Observer, TrainError, train_blocks, trunk_seed};
 use crate::operators::Boundary;
 use crate::pipeline::Train;
@@ -197,15 +195,16 @@ fn trained(
     if state.earlier.is_empty() {
         state.earlier.clone_from(nullspaces);
     }
-    catch_up(members, &state.blocks, state.training.known, &mut state.earlier);
-    let members = members.iter().zip(&state.earlier);
+    // What the blocks since the last training add.
+    let predicted = state.earlier.first().map_or(0, |phi| phi.ncols() - state.training.known);
+    let new: Vec<&Block> = state.blocks[predicted..].iter().map(|new| &*new.block).collect();
+    append_predictions(members, &new, &mut state.earlier);
     let seed = trunk_seed(state.chosen.train.seed, *wanted.start());
     let blocks = match recipe {
         Recipe::Ritz(recipe) => {
             let heads = wanted.clone().count();
             fits(recipe, heads)?;
-            let samples: Vec<_> =
-                members.map(|(member, earlier)| Sample::new(member, earlier)).collect();
+            let samples = Sample::all(members, &state.earlier);
             let held_out = recipe.held_out_of(samples.len());
             let finer = state.training.finer()?;
             train_blocks(samples, recipe, heads, seed, &progress).and_then(|blocks| match finer {
@@ -216,7 +215,7 @@ fn trained(
         Recipe::Paper(recipe) => {
             // Under the Neumann condition, the only one so far, no vertex is held.
             let sample = |(member, earlier)| paper::Sample::new(member, vec![], earlier);
-            let samples: Vec<_> = members.map(sample).collect();
+            let samples: Vec<_> = members.iter().zip(&state.earlier).map(sample).collect();
             train_block(&samples, recipe, seed, &progress).map(|block| vec![block])
         }
     };
@@ -243,9 +242,7 @@ fn heads_on(
     recipe: &Ritz,
 ) -> Result<Vec<Block>, TrainError> {
     let seen = finer.members.len() - held_out;
-    let members = finer.members.iter().zip(&finer.nullspaces).take(seen);
-    let samples: Vec<_> =
-        members.map(|(member, nullspace)| Sample::new(member, nullspace)).collect();
+    let samples = Sample::all(&finer.members[..seen], &finer.nullspaces);
     solve_heads(blocks, &samples, recipe.ridge).ok_or(TrainError::Degenerate { step: recipe.steps })
 }
 
@@ -253,15 +250,6 @@ fn heads_on(
 pub fn named(functions: &RangeInclusive<usize>) -> String {
     let (first, last) = (functions.start(), functions.end());
     if first == last { format!("φ{first}") } else { format!("φ{first}…φ{last}") }
-}
-
-/// Predicts on every member what the blocks since the last training add.
-fn catch_up(members: &[Member], blocks: &[TrainedBlock], known: usize, earlier: &mut [Dense]) {
-    members.par_iter().zip(earlier).for_each(|(member, phi)| {
-        for trained in &blocks[phi.ncols() - known..] {
-            append_next(&trained.block, &member.input, &member.mass, phi);
-        }
-    });
 }
 
 /// Shows trainings on a progress bar and tells them when to stop.

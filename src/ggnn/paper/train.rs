@@ -113,12 +113,7 @@ fn block(recipe: &Paper, network: &Network<f32>) -> Block {
         shape: recipe.shape,
         weights: Arc::new(network.trunk.weights()),
         head: network.head(),
-        record: TrainingRecord {
-            history: vec![],
-            untrained: f64::NAN,
-            trained: f64::NAN,
-            held_out: vec![],
-        },
+        record: TrainingRecord::default(),
     }
 }
 
