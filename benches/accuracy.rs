@@ -78,19 +78,20 @@ struct Usual {
     steps: f64,
     rate: f64,
     encoder: f64,
+    width: f64,
     subdivided: f64,
     finer: f64,
 }
 
 impl Usual {
     fn of(case: &str) -> Self {
-        let [members, batch, steps, rate, encoder, subdivided, finer] = match case {
-            "sphere" => [100.0, 10.0, 100.0, 1e-3, 3.0, 0.0, 0.0],
-            "spot" => [10.0, 1.0, 1000.0, 6e-3, 6.0, 1.0, 2.0],
-            "bunny2" => [10.0, 1.0, 600.0, 6e-3, 6.0, 0.0, 2.0],
-            _ => [200.0, 4.0, 300.0, 3e-3, 5.0, 1.0, 1.0],
+        let [members, batch, steps, rate, encoder, width, subdivided, finer] = match case {
+            "sphere" => [100.0, 10.0, 100.0, 1e-3, 3.0, 128.0, 0.0, 0.0],
+            "spot" => [10.0, 1.0, 1000.0, 6e-3, 6.0, 192.0, 1.0, 3.0],
+            "bunny2" => [10.0, 1.0, 600.0, 6e-3, 6.0, 128.0, 0.0, 2.0],
+            _ => [200.0, 4.0, 600.0, 3e-3, 5.0, 192.0, 1.0, 1.0],
         };
-        Self { members, batch, steps, rate, encoder, subdivided, finer }
+        Self { members, batch, steps, rate, encoder, width, subdivided, finer }
     }
 }
 
@@ -106,7 +107,7 @@ impl Options {
             Some("sggc") => Layer::Sggc,
             _ => Layer::Pointwise,
         };
-        recipe.shape.width = number("width", 128.0) as usize;
+        recipe.shape.width = number("width", usual.width) as usize;
         recipe.shape.layers = number("layers", 4.0) as usize;
         recipe.ranges.encoder = number("encoder", usual.encoder);
         recipe.ranges.hidden = number("hidden", 0.005);
@@ -205,7 +206,7 @@ fn case(name: &str, options: &Options) -> Result<Case, Box<dyn Error>> {
             family: (0..options.members as u64)
                 .map(|i| square(144, options.seed, i, evenly))
                 .collect(),
-            test: square(932, 4711, 0, evenly),
+            test: square(932, options.get("test", 4711.0) as u64, 0, evenly),
             boundary: Boundary::Dirichlet,
             shape: square(144, 1, 0, evenly),
         },
@@ -249,7 +250,7 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
     let surface = ClosestPoint::on(&case.shape);
     let finer = |mesh: &TriMesh, times: usize| refined(mesh, &surface, times);
     let coarse: Vec<TriMesh> =
-        case.family.iter().map(|mesh| finer(mesh, options.subdivided)).collect();
+        case.family.par_iter().map(|mesh| finer(mesh, options.subdivided)).collect();
     let features = Features::of(&case.shape, FeatureOptions::default());
     // Members alone: what is judged are functions on the test mesh as it is.
     let robust = options.get("robust", 0.0) != 0.0;
@@ -259,10 +260,12 @@ fn run(case: &Case, options: &Options) -> Result<(), Box<dyn Error>> {
         .collect::<Result<_, _>>()?;
     let count = options.k - family[0].known.ncols();
     let finer: Vec<Seen> = coarse
-        .iter()
+        .par_iter()
         .filter(|_| options.finer > 0)
         .map(|mesh| {
-            seen(&finer(mesh, options.finer), &features, case.boundary, options.penalty, robust)
+            let mesh = finer(mesh, options.finer);
+            seen(&mesh, &features, case.boundary, options.penalty, robust)
+                .map_err(|error| error.to_string())
         })
         .collect::<Result<_, _>>()?;
     let train = |recipe: &Ritz| -> Result<Vec<Block>, Box<dyn Error>> {

@@ -14,7 +14,7 @@
 //! assert!((found.interpolate(&sphere, &x) - found.position[0]).abs() < 1e-15);
 //! ```
 
-use super::trimesh::{TriMesh, dot, sub};
+use super::trimesh::{TriMesh, area_normal, dot, sub};
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,19 +113,35 @@ impl<'m> ClosestPoint<'m> {
 
     /// The point of the surface that is closest to `point`; of several, one in the triangle of the lowest number.
     pub fn to(&self, point: [f64; 3]) -> SurfacePoint {
-        let mut best = self.in_face(0, point);
+        self.closest(point, |_| true).unwrap_or_else(|| self.in_face(0, point))
+    }
+
+    /// The closest point in a triangle whose normal is less than a right angle from `normal`, so that what lies on one side
+    /// of a thin part stays there; `None` where there is no such triangle.
+    pub fn facing(&self, point: [f64; 3], normal: [f64; 3]) -> Option<SurfacePoint> {
+        self.closest(point, |face| {
+            dot(area_normal(self.mesh.corners(self.mesh.faces()[face])), normal) > 0.0
+        })
+    }
+
+    /// The closest point in one of the triangles that are `wanted`.
+    fn closest(&self, point: [f64; 3], wanted: impl Fn(usize) -> bool) -> Option<SurfacePoint> {
+        let mut best: Option<SurfacePoint> = None;
+        let rank = |best: Option<SurfacePoint>| {
+            best.map_or((f64::INFINITY, usize::MAX), |best| (best.distance, best.face))
+        };
         let mut open = vec![0];
         while let Some(node) = open.pop() {
             let Node { low, high, content } = &self.nodes[node];
-            if distance_to_box(point, *low, *high) > best.distance {
+            if distance_to_box(point, *low, *high) > rank(best).0 {
                 continue;
             }
             match content {
                 Content::Faces(stretch) => {
-                    for &face in &self.faces[stretch.clone()] {
-                        let found = self.in_face(face as usize, point);
-                        if (found.distance, found.face) < (best.distance, best.face) {
-                            best = found;
+                    for face in self.faces[stretch.clone()].iter().map(|&face| face as usize) {
+                        let found = self.in_face(face, point);
+                        if rank(Some(found)) < rank(best) && wanted(face) {
+                            best = Some(found);
                         }
                     }
                 }
@@ -276,5 +292,22 @@ mod tests {
         let found = ClosestPoint::on(&mesh).to([0.5, 1.0, 0.0]);
         assert_eq!((found.position, found.distance), ([0.5, 0.0, 0.0], 1.0));
         assert_eq!(ClosestPoint::on(&mesh).to([3.0, 0.0, 0.0]).position, [2.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn what_faces_away_is_not_found() {
+        // A thin lens: the closest point of a point inside is on either side.
+        let flat = icosphere(3);
+        let squeezed = flat.vertices().iter().map(|&[x, y, z]| [x, y, 0.01 * z]).collect();
+        let lens = TriMesh::new(squeezed, flat.faces().to_vec()).unwrap();
+        let surface = ClosestPoint::on(&lens);
+        let inside = [0.1, 0.05, 0.002];
+        let up = surface.facing(inside, [0.0, 0.0, 1.0]).unwrap();
+        let down = surface.facing(inside, [0.0, 0.0, -1.0]).unwrap();
+        assert!(up.position[2] > 0.009 && down.position[2] < -0.009, "{up:?} {down:?}");
+        assert_eq!(up, surface.to(inside));
+        let half = TriMesh::new(lens.vertices()[..3].to_vec(), vec![[0, 1, 2]]).unwrap();
+        let normal = area_normal(half.corners([0, 1, 2])).map(|c| -c);
+        assert_eq!(ClosestPoint::on(&half).facing(inside, normal), None);
     }
 }

@@ -124,6 +124,17 @@ pub fn triangle_area([a, b, c]: [[f64; 3]; 3]) -> f64 {
     0.5 * norm(cross(sub(b, a), sub(c, a)))
 }
 
+/// Twice the area of a triangle along its normal.
+pub fn area_normal([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
+    cross(sub(b, a), sub(c, a))
+}
+
+/// A vector of length 1; none for zero.
+pub fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let length = norm(v);
+    (length > 0.0).then(|| v.map(|c| c / length))
+}
+
 /// a − b.
 pub fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] - b[i])

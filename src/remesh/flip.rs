@@ -1,14 +1,12 @@
 //! The same vertices with other triangles: the diagonals of nearly flat pairs of triangles are exchanged.
 
-use std::collections::BTreeMap;
-
 use rand::Rng;
 use rand::seq::SliceRandom;
 
-use super::perturb::{area_normal, unit};
+use super::edges::Edges;
 use super::thickness::thickness;
 use crate::mesh::TriMesh;
-use crate::mesh::trimesh::dot;
+use crate::mesh::trimesh::{area_normal, dot, unit};
 
 /// Two triangles are flat enough when they, and the two that take their place, lie within this angle of their mean: the
 /// cosine of 15°. Where they are not coplanar, a flip changes the surface.
@@ -24,60 +22,20 @@ const THINNEST: f64 = 0.1;
 /// that is manifold stays so.
 pub fn flip(mesh: &TriMesh, share: f64, rng: &mut impl Rng) -> TriMesh {
     let mut faces = mesh.faces().to_vec();
-    let mut edges = edges_of(&faces);
-    let mut drawn: Vec<[u32; 2]> = edges.keys().copied().collect();
+    let mut edges = Edges::of(&faces);
+    let mut drawn = edges.all();
     drawn.shuffle(rng);
     drawn.truncate((share * drawn.len() as f64).round() as usize);
     for edge in drawn {
-        if let Some((at, flipped)) = flipped(mesh, &faces, &edges, edge) {
-            exchange(&mut faces, &mut edges, at, flipped);
+        if let Some(pair) = edges.pair(&faces, edge) {
+            let corners = |pair: [[u32; 3]; 2]| pair.map(|face| mesh.corners(face));
+            if is_sound(corners(pair.triangles()), corners(pair.exchanged())) {
+                edges.exchange(&mut faces, &pair);
+            }
         }
     }
     TriMesh::new(mesh.vertices().to_vec(), faces)
         .expect("a flip keeps every vertex in use and makes no triangle of two vertices")
-}
-
-/// The triangles of every edge, under its vertices in ascending order.
-type Edges = BTreeMap<[u32; 2], Vec<usize>>;
-
-fn edges_of(faces: &[[u32; 3]]) -> Edges {
-    let mut edges = Edges::new();
-    for (face, corners) in faces.iter().enumerate() {
-        for side in sides(*corners) {
-            edges.entry(side).or_default().push(face);
-        }
-    }
-    edges
-}
-
-fn sides([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
-    [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)])
-}
-
-/// The numbers of the two triangles at an edge, and those that would take their place; none where the edge has to stay.
-fn flipped(
-    mesh: &TriMesh,
-    faces: &[[u32; 3]],
-    edges: &Edges,
-    [a, b]: [u32; 2],
-) -> Option<([usize; 2], [[u32; 3]; 2])> {
-    let &[f, g] = edges.get(&[a, b])?.as_slice() else { return None };
-    // From a to b in one triangle, from b to a in the other.
-    let (c, d) = match (opposite(faces[f], a, b), opposite(faces[g], b, a)) {
-        (Some(c), Some(d)) => (c, d),
-        _ => (opposite(faces[g], a, b)?, opposite(faces[f], b, a)?),
-    };
-    if c == d || edges.contains_key(&[c.min(d), c.max(d)]) {
-        return None;
-    }
-    let [old, new] = [[[a, b, c], [b, a, d]], [[a, d, c], [d, b, c]]];
-    is_sound(old.map(|face| mesh.corners(face)), new.map(|face| mesh.corners(face)))
-        .then_some(([f, g], new))
-}
-
-/// The third corner of a triangle that runs from `a` to `b`.
-fn opposite(face: [u32; 3], a: u32, b: u32) -> Option<u32> {
-    (0..3).find(|&i| face[i] == a && face[(i + 1) % 3] == b).map(|i| face[(i + 2) % 3])
 }
 
 /// Whether the `new` pair of triangles may take the place of the `old` one.
@@ -91,26 +49,6 @@ fn is_sound(old: [[[f64; 3]; 3]; 2], new: [[[f64; 3]; 3]; 2]) -> bool {
     };
     let thinner = |pair: [[[f64; 3]; 3]; 2]| thickness(pair[0]).min(thickness(pair[1]));
     thinner(new) >= THINNEST.min(thinner(old)) && flat() == Some(true)
-}
-
-/// Puts two triangles in the place of those numbered `at`.
-fn exchange(faces: &mut [[u32; 3]], edges: &mut Edges, at: [usize; 2], new: [[u32; 3]; 2]) {
-    for face in at {
-        for side in sides(faces[face]) {
-            if let Some(owners) = edges.get_mut(&side) {
-                owners.retain(|&owner| owner != face);
-                if owners.is_empty() {
-                    edges.remove(&side);
-                }
-            }
-        }
-    }
-    for (face, corners) in at.into_iter().zip(new) {
-        faces[face] = corners;
-        for side in sides(corners) {
-            edges.entry(side).or_default().push(face);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use rand::Rng;
 
 use super::thickness::thickness;
 use crate::mesh::closest::ClosestPoint;
-use crate::mesh::trimesh::{cross, dot, norm, sub};
+use crate::mesh::trimesh::{area_normal, cross, dot, norm, sub, unit};
 use crate::mesh::{Topology, TriMesh};
 
 /// A triangle may not turn further than this from where it was: the cosine of 45°.
@@ -26,7 +26,7 @@ pub fn perturb(
 ) -> TriMesh {
     let mut fixed = vec![false; mesh.n()];
     Topology::of(mesh).boundary_vertices.iter().for_each(|&i| fixed[i as usize] = true);
-    let around = faces_around(mesh);
+    let around = faces_around(mesh.n(), mesh.faces());
     let mut vertices = mesh.vertices().to_vec();
     for (vertex, faces) in around.iter().enumerate() {
         // Drawn for every vertex, so that whether one can move changes nothing for those after it.
@@ -51,9 +51,9 @@ pub fn perturb(
 }
 
 /// The triangles around every vertex.
-fn faces_around(mesh: &TriMesh) -> Vec<Vec<usize>> {
-    let mut around = vec![Vec::new(); mesh.n()];
-    for (face, corners) in mesh.faces().iter().enumerate() {
+pub(super) fn faces_around(n: usize, faces: &[[u32; 3]]) -> Vec<Vec<usize>> {
+    let mut around = vec![Vec::new(); n];
+    for (face, corners) in faces.iter().enumerate() {
         corners.iter().for_each(|&corner| around[corner as usize].push(face));
     }
     around
@@ -93,17 +93,6 @@ fn is_sound(mesh: &TriMesh, vertices: &[[f64; 3]], face: usize) -> bool {
     let (old, new) = (area_normal(before), area_normal(after));
     dot(old, new) >= LEAST_COSINE * norm(old) * norm(new)
         && thickness(after) >= KEPT_THICKNESS * thickness(before)
-}
-
-/// Twice the area of a triangle along its normal.
-pub(super) fn area_normal([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
-    cross(sub(b, a), sub(c, a))
-}
-
-/// A vector of length 1; none for zero.
-pub(super) fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
-    let length = norm(v);
-    (length > 0.0).then(|| v.map(|c| c / length))
 }
 
 #[cfg(test)]
