@@ -14,13 +14,17 @@ use chladni::spectrum::Dense;
 /// So many variants of spot with about so many vertices, as training sees them.
 pub fn spot(members: usize, vertices: usize) -> Result<Vec<Member>, Box<dyn Error>> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes/spot_829.obj");
-    let recipe = FamilyRecipe { members, vertices: vertices.into(), ..FamilyRecipe::default() };
+    // A family of one is the mesh itself.
+    let drawn = members.max(2);
+    let recipe =
+        FamilyRecipe { members: drawn, vertices: vertices.into(), ..FamilyRecipe::default() };
     let member = |mesh: &TriMesh| {
         let operators = Operators::assemble(mesh, MassKind::Lumped)?;
         let input = NetworkInput::new(&coordinates(mesh, Normalise::Area), &operators.adjacency);
         Ok(Member::new(input, operators, Boundary::Neumann, 0.0))
     };
-    Family::of(&load(&path)?.mesh, &recipe)?.members.iter().map(member).collect()
+    let family = Family::of(&load(&path)?.mesh, &recipe)?;
+    family.members.iter().take(members).map(member).collect()
 }
 
 /// A member with its constant known.

@@ -1,7 +1,7 @@
 """Training steps and predictions beside PyTorch's, on the same meshes, in one run.
 
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install -r benches/peers/requirements.txt
-    /tmp/peers/bin/python benches/peers/training.py [--rounds N] [--steps N] [--steps-binary FILE]
+    /tmp/peers/bin/python benches/peers/training.py [--rounds N] [--steps N] [--steps-binary FILE] [--vertices N]
 
 The same on both sides: the meshes, their features, W, L and B; the trunk (encoder of 3 inputs, four layers, sine, (29) or
 `pointwise`); single precision; the Rayleigh quotient of the whole batch, deflated against the constant of every mesh; its gradient with
@@ -33,6 +33,7 @@ def main():
     arguments.add_argument("--steps", type=int, default=40)
     arguments.add_argument("--steps-binary", help="our side, already built")
     arguments.add_argument("--no-compile", action="store_true")
+    arguments.add_argument("--vertices", type=int, help="only the rows of meshes with so many")
     options = arguments.parse_args()
     ours = options.steps_binary or build("steps")
     modes = ["eager"] if options.no_compile else ["eager", "compile"]
@@ -40,7 +41,7 @@ def main():
           "prediction: ours, ms | PyTorch, ms | ratio |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        for case in CASES:
+        for case in (case for case in CASES if options.vertices in (None, case[2])):
             rows(case, ours, modes, folder, options)
 
 
