@@ -65,6 +65,40 @@ fn a_killed_run_resumes_at_the_first_missing_eigenfunction() {
     assert!(results(&workspace) == results(&undisturbed));
 }
 
+/// One long training, of `steps` steps.
+fn one_long(steps: usize) -> String {
+    let steps = format!("steps = {steps}\nlearning_rate = 1e-4");
+    QUICK.replace("k = 4", "k = 2").replace("steps = 4", &steps)
+}
+
+#[test]
+fn a_training_that_was_killed_goes_on_from_its_checkpoint() {
+    let pipeline = one_long(4000);
+    let undisturbed = Workspace::new(&pipeline);
+    assert_eq!(undisturbed.report(&[]).0, 0);
+
+    let workspace = Workspace::new(&pipeline);
+    let often = ["--checkpoint", "0.1"];
+    let mut kills = 0;
+    for wait in [700, 500, 900] {
+        let mut child =
+            workspace.run(&often).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(wait));
+        kills += usize::from(child.try_wait().unwrap().is_none());
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    assert!(kills > 0, "the training was over before it could be killed");
+    let output = workspace.run(&often).env("RUST_LOG", "info,sled=off").output().unwrap();
+    let said = common::text(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("training φ2 goes on after step"), "{said}");
+    nothing_was_computed_twice(&workspace);
+    assert!(results(&workspace) == results(&undisturbed));
+    let stat = chladni::store::Store::open(workspace.path("cache")).unwrap().stat().unwrap();
+    assert!(!stat.stages.contains_key("checkpoint"), "it has served: {stat:?}");
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_keeps_what_is_finished_and_says_so() {

@@ -16,6 +16,7 @@ mod solve;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use bytesize::ByteSize;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use exit::Exit;
@@ -61,6 +62,19 @@ struct CacheLocation {
     /// The folder of the cache
     #[arg(long = "cache", value_name = "DIR", env = "CHLADNI_CACHE", default_value = "cache")]
     dir: PathBuf,
+}
+
+/// How large the cache may grow.
+#[derive(Debug, clap::Args)]
+struct CacheLimit {
+    /// What the entries of the cache may take, for example 500MB or 20GB; what is cheapest to compute again goes first
+    #[arg(
+        long = "cache-size",
+        value_name = "SIZE",
+        env = "CHLADNI_CACHE_SIZE",
+        default_value = "20GB"
+    )]
+    size: ByteSize,
 }
 
 /// Parses the arguments, does what they say, and returns the exit code.

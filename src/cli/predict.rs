@@ -7,12 +7,10 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use serde::Serialize;
-use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
 use super::model::given;
 use super::{CacheLocation, Format, Refusal, print, print_json};
-use crate::flow::events::Unheard;
 use crate::mesh::MeshHash;
 use crate::pipeline::{Method, Pipeline, Refine};
 use crate::publish::report::{MeshReport, Status};
@@ -161,15 +159,7 @@ fn context(arguments: &Arguments, given: Arc<GivenModel>) -> Context {
         Refining::Full => Refine::Full,
     };
     pipeline.operators = description.operators;
-    Context {
-        pipeline,
-        model: Some(given),
-        out: arguments.out.clone().unwrap_or_default(),
-        store: None,
-        events: Arc::new(Unheard),
-        cancel: CancellationToken::new(),
-        flights: Default::default(),
-    }
+    Context::alone(pipeline, Some(given), arguments.out.clone().unwrap_or_default())
 }
 
 /// What came of a mesh.

@@ -3,20 +3,21 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
 use super::model::given_by_name;
-use super::{CacheLocation, Format, Refusal, cache, print, print_json};
+use super::{CacheLimit, CacheLocation, Format, Refusal, cache, print, print_json};
 use crate::flow::events::EventFile;
 use crate::ggnn::Model;
 use crate::pipeline::{Method, Pipeline, Train, is_model_file};
 use crate::publish::report::{MeshReport, Status};
 use crate::publish::table::run_table;
-use crate::stages::intake;
 use crate::stages::predict::GivenModel;
 use crate::stages::run::{Ended, OnFailure, Run, run};
+use crate::stages::{intake, retention};
 use crate::store::Store;
 
 #[derive(Debug, clap::Args)]
@@ -32,12 +33,17 @@ pub struct Arguments {
     out: PathBuf,
     #[command(flatten)]
     cache: CacheLocation,
+    #[command(flatten)]
+    limit: CacheLimit,
     /// Lay an option over the pipeline's, for example train.k=10
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Worker threads, and meshes under way at once [default: one a core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+    /// Seconds between two checkpoints of a training: a kill loses no more
+    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds)]
+    checkpoint: f64,
     /// Go on with the other meshes when one fails (the default)
     #[arg(long, overrides_with = "fail_fast")]
     keep_going: bool,
@@ -47,6 +53,13 @@ pub struct Arguments {
     /// How the result is shown
     #[arg(long, value_enum, default_value = "human")]
     format: Format,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..1e9).contains(&seconds) => Ok(seconds),
+        _ => Err("a number of seconds, not negative".into()),
+    }
 }
 
 pub fn execute(arguments: Arguments) -> Result<Exit, Refusal> {
@@ -71,6 +84,9 @@ fn start(
     events: EventFile,
 ) -> Result<Exit, Refusal> {
     let store = Store::open(&arguments.cache.dir).map_err(cache::refusal)?;
+    retention::keep_models(&store)
+        .and_then(|()| store.limit(arguments.limit.size.as_u64()))
+        .map_err(cache::refusal)?;
     let model = given_model(&pipeline, &store)?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let cancel = CancellationToken::new();
@@ -83,6 +99,7 @@ fn start(
         workers: arguments.jobs.unwrap_or_else(cores),
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
+        checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
         events: Arc::new(events),
     };
     let runtime = tokio::runtime::Builder::new_multi_thread()

@@ -2,16 +2,13 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Instant;
 
 use clap::ValueEnum;
 use serde::Serialize;
-use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
 use super::{Format, Refusal, print, print_json};
-use crate::flow::events::Unheard;
 use crate::operators::{Boundary, Laplacian, MassKind, OperatorOptions};
 use crate::pipeline::{Method, Pipeline};
 use crate::publish::report::{MeshReport, Status};
@@ -176,15 +173,7 @@ fn context(arguments: &Arguments) -> Result<Context, Refusal> {
         },
     };
     pipeline.check().map_err(Refusal::usage)?;
-    Ok(Context {
-        pipeline,
-        model: None,
-        out: arguments.out.clone().unwrap_or_default(),
-        store: None,
-        events: Arc::new(Unheard),
-        cancel: CancellationToken::new(),
-        flights: Default::default(),
-    })
+    Ok(Context::alone(pipeline, None, arguments.out.clone().unwrap_or_default()))
 }
 
 fn solve(context: &Context, job: Job) -> Result<Verified, Failure> {

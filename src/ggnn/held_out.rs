@@ -6,6 +6,7 @@
 //! reference solver takes part.
 
 use super::block::{Block, Check};
+use super::checkpoint::Checkpoint;
 use super::ops::rayleigh::MemberPencil;
 use super::predict::predict_all;
 use super::sample::Sample;
@@ -69,6 +70,23 @@ impl<'s> Watch<'s> {
     /// Whether nothing has become better for long.
     pub fn is_over(&self) -> bool {
         self.in_vain >= PATIENCE
+    }
+
+    /// Goes on from what was found before, and the blocks of the best of it.
+    pub fn resume(&mut self, checks: Vec<Check>, best: Vec<Block>) {
+        let losses = checks.iter().map(|check| check.loss);
+        let lowest = losses.clone().fold(f64::INFINITY, f64::min);
+        // The first of the lowest is the best one.
+        let at = losses.clone().position(|loss| loss == lowest && !best.is_empty());
+        self.in_vain = checks.len() - at.map_or(0, |at| at + 1);
+        self.best = (!best.is_empty()).then_some((lowest, best));
+        self.checks = checks;
+    }
+
+    /// A checkpoint with what was found so far.
+    pub fn with_findings(&self, checkpoint: Checkpoint) -> Checkpoint {
+        let best = self.best.as_ref().map(|(_, blocks)| blocks.clone());
+        Checkpoint { checks: self.checks.clone(), best: best.unwrap_or_default(), ..checkpoint }
     }
 
     /// The blocks of the best check, unless there was none, and all checks.

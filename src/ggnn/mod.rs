@@ -10,6 +10,7 @@
 //! - [`sample`]: what training works on
 //! - [`recipe`]: the hyperparameters
 //! - [`train`]: one block, by recipe `ritz`; [`shards`] runs its tapes in parallel
+//! - [`checkpoint`]: what an interrupted training goes on from
 //! - [`held_out`]: the loss on members that training does not see, and the end of a training by it
 //! - [`tune`]: a search for a better recipe, by the same loss
 //! - [`paper`]: one block, by recipe `paper`
@@ -20,6 +21,7 @@
 //! - [`model`]: a chain of blocks as a file, and which meshes it fits; [`likeness`]: whether they lie as the trained shape
 
 pub mod block;
+pub mod checkpoint;
 pub mod deflation;
 pub mod features;
 pub mod forward;

@@ -16,6 +16,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::block::{Block, TrainingRecord};
+use super::checkpoint::Checkpoint;
 use super::head::{Grams, Head};
 use super::held_out::Watch;
 use super::network::Trunk;
@@ -47,6 +48,16 @@ pub trait Observer {
     fn terms(&self, _epoch: usize, _terms: &Terms) {}
     /// Whether to stop now.
     fn cancelled(&self) -> bool;
+    /// What was kept of this very training before, if anything: it goes on from there.
+    fn kept(&self) -> Option<Checkpoint> {
+        None
+    }
+    /// Whether it is time for a checkpoint.
+    fn wants_checkpoint(&self) -> bool {
+        false
+    }
+    /// Takes a checkpoint to keep: when it wants one, and when training stops because it asked for that.
+    fn keep(&self, _checkpoint: Checkpoint) {}
 }
 
 /// Nobody watches, and nothing stops the training.
@@ -90,8 +101,25 @@ pub fn train_blocks(
         let untrained = solve(shards.grams(&trunk, &everyone), count, 0)?;
         let mut adam = Moments::new(trunk.parameters());
         let mut history = Vec::with_capacity(recipe.steps);
-        for step in 0..recipe.steps {
-            if observer.cancelled() {
+        let mut first = 0;
+        if let Some(kept) = observer.kept()
+            && kept.restore(recipe.steps, trunk.parameters_mut().iter_mut().collect(), &mut adam)
+        {
+            first = kept.step;
+            (0..first).for_each(|_| drop(batches.next()));
+            history.extend(kept.history);
+            watch.resume(kept.checks, kept.best);
+        }
+        for step in first..recipe.steps {
+            if watch.is_over() {
+                break;
+            }
+            let stops = observer.cancelled();
+            if step > first && (stops || observer.wants_checkpoint()) {
+                let state = Checkpoint::of(step, trunk.parameters(), &adam, &history);
+                observer.keep(watch.with_findings(state));
+            }
+            if stops {
                 return Err(TrainError::Cancelled);
             }
             let batch = batches.next();
@@ -110,9 +138,6 @@ pub fn train_blocks(
             if watch.is_due(step + 1) {
                 let heads = solve(shards.grams(&trunk, &everyone), count, step + 1)?;
                 watch.check(step + 1, blocks_of(&trunk, heads, &untrained));
-                if watch.is_over() {
-                    break;
-                }
             }
         }
         let (best, checks) = watch.into_best();
@@ -208,6 +233,21 @@ impl Moments {
             })
             .collect();
         Self { second: first.clone(), first, step: 0 }
+    }
+
+    /// First and second moments, and how often they were changed.
+    pub fn state(&self) -> ([Vec<Vec<f32>>; 2], u32) {
+        let values = |all: &[<Cpu as Storage<f32>>::Vec]| all.iter().map(|m| m.to_vec()).collect();
+        ([values(&self.first), values(&self.second)], self.step.unsigned_abs())
+    }
+
+    /// Puts back what [`Self::state`] gave.
+    pub fn set(&mut self, [first, second]: &[Vec<Vec<f32>>; 2], step: u32) {
+        let all = self.first.iter_mut().chain(&mut self.second);
+        for (moment, values) in all.zip(first.iter().chain(second)) {
+            moment.copy_from_slice(values);
+        }
+        self.step = step as i32;
     }
 
     /// One step down the gradients.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use rkyv::{Archive, Deserialize, Serialize};
 
 use crate::ggnn::block::{Block, Check, TrainingRecord};
+use crate::ggnn::checkpoint::Checkpoint;
 use crate::ggnn::network::{Layer, TrunkShape};
 use crate::ggnn::ops::activation::Activation;
 use crate::ggnn::tune::{Choice, Trial, Tuning};
@@ -33,6 +34,7 @@ artifact!(FamilyArtifact, "remesh", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
 artifact!(TuneArtifact, "tune", version 1, schema 1);
 artifact!(TrunkArtifact, "train", version 2, schema 4);
+artifact!(CheckpointArtifact, "checkpoint", version 1, schema 1);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 2, schema 2);
 artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
@@ -233,7 +235,7 @@ impl TrunkArtifact {
             shape: sizes.map(|size| size as u32),
             weights: first.weights.to_vec(),
             history: first.record.history.clone(),
-            held_out: first.record.held_out.iter().map(|c| (c.step as u32, c.loss)).collect(),
+            held_out: numbers_of(&first.record.held_out),
             heads: blocks.iter().map(head).collect(),
         }
     }
@@ -245,8 +247,7 @@ impl TrunkArtifact {
         let (layer, activation) = (Layer::ALL[layer], Activation::ALL[activation]);
         let shape = TrunkShape { inputs, width, layers, iterations, layer, activation };
         let weights = Arc::new(weights);
-        let check = |(step, loss)| Check { step: step as usize, loss };
-        let held_out: Vec<Check> = held_out.into_iter().map(check).collect();
+        let held_out = checks_of(held_out);
         let block = |(head, untrained, trained): HeadParts| Block {
             shape,
             weights: weights.clone(),
@@ -260,6 +261,58 @@ impl TrunkArtifact {
         };
         heads.into_iter().map(block).collect()
     }
+}
+
+/// A training that is not finished.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct CheckpointArtifact {
+    step: u32,
+    parameters: Vec<Vec<f32>>,
+    moments: [Vec<Vec<f32>>; 2],
+    updates: u32,
+    history: Vec<f64>,
+    /// step, loss
+    held_out: Vec<(u32, f64)>,
+    best: Option<TrunkArtifact>,
+}
+
+impl From<Checkpoint> for CheckpointArtifact {
+    fn from(checkpoint: Checkpoint) -> Self {
+        let Checkpoint { step, parameters, moments, updates, history, checks, best } = checkpoint;
+        Self {
+            step: step as u32,
+            parameters,
+            moments,
+            updates,
+            history,
+            held_out: numbers_of(&checks),
+            best: (!best.is_empty()).then(|| TrunkArtifact::of(&best)),
+        }
+    }
+}
+
+impl From<CheckpointArtifact> for Checkpoint {
+    fn from(artifact: CheckpointArtifact) -> Self {
+        let CheckpointArtifact { step, parameters, moments, updates, history, held_out, best } =
+            artifact;
+        Self {
+            step: step as usize,
+            parameters,
+            moments,
+            updates,
+            history,
+            checks: checks_of(held_out),
+            best: best.map(TrunkArtifact::into_blocks).unwrap_or_default(),
+        }
+    }
+}
+
+fn numbers_of(checks: &[Check]) -> Vec<(u32, f64)> {
+    checks.iter().map(|check| (check.step as u32, check.loss)).collect()
+}
+
+fn checks_of(numbers: Vec<(u32, f64)>) -> Vec<Check> {
+    numbers.into_iter().map(|(step, loss)| Check { step: step as usize, loss }).collect()
 }
 
 /// n×k vectors, column by column.

@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::Failure;
 use super::predict::GivenModel;
-use crate::flow::events::{Event, EventSink, How};
+use crate::flow::events::{Event, EventSink, How, Unheard};
 use crate::pipeline::Pipeline;
 use crate::store::{self, Artifact, CacheKey, Digest, KeyBuilder, Store};
 
@@ -28,6 +28,8 @@ pub struct Context {
     pub events: Arc<dyn EventSink>,
     /// Set when the run is to stop.
     pub cancel: CancellationToken,
+    /// How often a training leaves a checkpoint.
+    pub checkpoint_every: Duration,
     /// One lock for every key that is being computed.
     pub flights: Flights,
 }
@@ -126,6 +128,13 @@ pub fn canonical(options: &impl serde::Serialize) -> Vec<u8> {
     serde_json::to_vec(options).expect("options are numbers and names")
 }
 
+impl<A> Keyed<A> {
+    /// Where the store has its result, once there is one.
+    pub fn key(&self) -> &CacheKey {
+        &self.key
+    }
+}
+
 /// Work with its key.
 pub struct Keyed<A> {
     key: CacheKey,
@@ -135,6 +144,20 @@ pub struct Keyed<A> {
 }
 
 impl Context {
+    /// For a single piece of work without a store, of which nobody is told.
+    pub fn alone(pipeline: Pipeline, model: Option<Arc<GivenModel>>, out: PathBuf) -> Self {
+        Self {
+            pipeline,
+            model,
+            out,
+            store: None,
+            events: Arc::new(Unheard),
+            cancel: CancellationToken::new(),
+            checkpoint_every: Duration::MAX,
+            flights: Flights::default(),
+        }
+    }
+
     /// The result of `work` for item `item`: from the store, or from `compute`, whose result is then stored.
     ///
     /// A store that cannot be written costs a warning and nothing else.

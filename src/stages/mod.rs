@@ -9,7 +9,9 @@
 //! - [`context`]: what all stages share; recalling a result or computing it
 //! - [`artifacts`]: what the store keeps of each stage
 //! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`tune`], [`train`], [`verify`], [`publish`]: one stage each
+//! - [`checkpoints`]: trainings that are not finished
 //! - [`models`]: trained chains of blocks by name
+//! - [`retention`]: which entries of the store are of use
 //! - [`candidates`]: the stages `predict` and `solve`, which make what is verified
 //! - [`predict`]: prediction with a given model, for which nothing is assembled
 //! - [`refine`]: what a solver makes of learned functions
@@ -21,6 +23,7 @@
 pub mod artifacts;
 pub mod assemble;
 pub mod candidates;
+pub mod checkpoints;
 pub mod context;
 pub mod failure;
 pub mod family;
@@ -32,6 +35,7 @@ pub mod publish;
 pub mod reference;
 pub mod refine;
 pub mod remesh;
+pub mod retention;
 pub mod run;
 pub mod train;
 pub mod tune;

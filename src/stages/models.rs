@@ -120,6 +120,20 @@ pub fn load(store: &Store, name: &str) -> Result<(String, Model), ModelError> {
     Ok((name, Model { description, blocks }))
 }
 
+/// The entries of all models, their own and those of their trunks.
+///
+/// # Errors
+/// When the database cannot be read.
+pub fn keys(store: &Store) -> Result<Vec<CacheKey>, StoreError> {
+    let keys = store.keys_of::<ModelArtifact>()?;
+    let trunks = keys.iter().filter_map(|key| store.get::<ModelArtifact>(key));
+    let trunks: Vec<CacheKey> = trunks
+        .flat_map(|model| model.artifact.trunks)
+        .map(|(key, _)| CacheKey::from_bytes(key))
+        .collect();
+    Ok(keys.into_iter().chain(trunks).collect())
+}
+
 /// Stores a model under `name`; nothing happens when it is there already.
 ///
 /// # Errors
@@ -200,6 +214,7 @@ fn put(
             .expect("a description is numbers and names"),
         trunks: stored(trunks),
     };
+    store.pin(trunks.iter().map(|(key, _)| *key).chain([key_of(name)]));
     store.put(&key_of(name), &artifact, Default::default())?;
     Ok(())
 }

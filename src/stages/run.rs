@@ -4,7 +4,7 @@ use std::io;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{Semaphore, mpsc};
 use tokio_util::sync::CancellationToken;
@@ -38,6 +38,8 @@ pub struct Run {
     pub on_failure: OnFailure,
     /// Cancelled to stop the run: finished work is kept, the rest is reported as interrupted.
     pub cancel: CancellationToken,
+    /// How often a training leaves a checkpoint: a kill loses no more than that.
+    pub checkpoint_every: Duration,
     /// Who hears what was computed and what reused.
     pub events: Arc<dyn EventSink>,
 }
@@ -77,6 +79,7 @@ pub async fn run(run: Run) -> io::Result<Ended> {
         store: run.store,
         events: run.events,
         cancel: cancel.clone(),
+        checkpoint_every: run.checkpoint_every,
         flights: Default::default(),
     });
     let (intake, first, mut outcomes) = Stage::begin(workers);

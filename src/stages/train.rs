@@ -11,10 +11,12 @@ use tracing_indicatif::span_ext::IndicatifSpanExt;
 use super::Failure;
 use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
+use super::checkpoints::{self, Checkpoints};
 use super::context::{Context, Work, canonical};
 use super::family::{Prepared, Seen, TrainingSet};
 use crate::flow::events::How;
 use crate::ggnn::Block;
+use crate::ggnn::checkpoint::Checkpoint;
 use crate::ggnn::features::Input;
 use crate::ggnn::heads::solve_heads;
 use crate::ggnn::paper::{self, train_block};
@@ -108,10 +110,14 @@ pub fn train(
         Trunks::Shared => k..=options.k,
     };
     let work = work(context, &state, &recipe, &wanted).seeded(options.seed, "f32");
+    let key = *work.key();
     let recalled = context.recall(item, work, || {
-        let blocks = trained(context, &mut state, &recipe, &wanted)?;
+        let blocks = trained(context, &mut state, &recipe, &wanted, &key)?;
         Ok(TrunkArtifact::of(&blocks))
     })?;
+    if let Some(store) = &context.store {
+        checkpoints::remove(&key, store);
+    }
     let (spent, functions) = (started.elapsed(), named(&wanted));
     let mesh = &state.assembled.loaded.job.name;
     let seconds = spent.as_secs_f64();
@@ -186,11 +192,16 @@ fn trained(
     state: &mut InTraining,
     recipe: &Recipe,
     wanted: &RangeInclusive<usize>,
+    result: &CacheKey,
 ) -> Result<Vec<Block>, Failure> {
     let mesh = &state.assembled.loaded.job.name;
     let together = if wanted.start() < wanted.end() { " on one trunk" } else { "" };
     let work = format!("{mesh}: training {}{together}", named(wanted));
+    let checkpoints = context.store.as_ref();
+    let checkpoints =
+        checkpoints.map(|store| Checkpoints::of(result, store, context.checkpoint_every));
     let progress = Progress::new(mesh, &work, recipe.reports(), &context.cancel);
+    let progress = Progress { checkpoints, ..progress };
     let Seen { members, nullspaces } = state.training.seen();
     if state.earlier.is_empty() {
         state.earlier.clone_from(nullspaces);
@@ -255,7 +266,10 @@ pub fn named(functions: &RangeInclusive<usize>) -> String {
 /// Shows trainings on a progress bar and tells them when to stop.
 pub struct Progress<'c> {
     bar: tracing::Span,
+    work: String,
     cancel: &'c CancellationToken,
+    /// Where it can go on from; a search has none.
+    checkpoints: Option<Checkpoints<'c>>,
 }
 
 impl<'c> Progress<'c> {
@@ -265,7 +279,7 @@ impl<'c> Progress<'c> {
         bar.pb_set_length(steps as u64);
         bar.pb_set_message(work);
         bar.pb_start();
-        Self { bar, cancel }
+        Self { bar, work: work.into(), cancel, checkpoints: None }
     }
 }
 
@@ -276,5 +290,22 @@ impl Observer for Progress<'_> {
 
     fn cancelled(&self) -> bool {
         self.cancel.is_cancelled()
+    }
+
+    fn kept(&self) -> Option<Checkpoint> {
+        let kept = self.checkpoints.as_ref()?.kept()?;
+        tracing::info!("{} goes on after step {}", self.work, kept.step);
+        self.bar.pb_inc(kept.step as u64);
+        Some(kept)
+    }
+
+    fn wants_checkpoint(&self) -> bool {
+        self.checkpoints.as_ref().is_some_and(Checkpoints::is_due)
+    }
+
+    fn keep(&self, checkpoint: Checkpoint) {
+        if let Some(checkpoints) = &self.checkpoints {
+            checkpoints.keep(checkpoint);
+        }
     }
 }

@@ -7,14 +7,16 @@
 //! Threads: a key belongs to one of 64 locks. Reads of a key share it, a write or a quarantine has it alone, so a
 //! reader never sees chunks of one write under the manifest of another.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::Duration;
 
 use rkyv::util::AlignedVec;
 
 use super::chunk;
+use super::interruption::point;
 use super::manifest::{Manifest, unix_now};
 use super::quarantine::{Fault, Quarantined};
 use super::recovery::{self, Trees};
@@ -27,8 +29,21 @@ pub(super) struct Blobs {
     dir: PathBuf,
     trees: Trees,
     locks: [RwLock<()>; LOCKS],
-    /// The keys whose last use was recorded by this process: once each is enough.
-    used: Mutex<HashSet<CacheKey>>,
+    /// The keys that this process has used, and in which order for the last time. In the manifest once each is enough.
+    used: Mutex<HashMap<CacheKey, u64>>,
+    /// Uses so far.
+    uses: AtomicU64,
+    /// The keys that no limit evicts.
+    pinned: Mutex<HashSet<CacheKey>>,
+    /// How much the entries may take and do take, where there is a limit.
+    budget: Mutex<Option<Budget>>,
+}
+
+/// Bytes of entries.
+#[derive(Debug, Clone, Copy)]
+struct Budget {
+    limit: u64,
+    live: u64,
 }
 
 /// What an entry is, as its writer says.
@@ -49,7 +64,15 @@ enum Found<T> {
 
 impl Blobs {
     pub fn new(dir: PathBuf, trees: Trees) -> Self {
-        Self { dir, trees, locks: [const { RwLock::new(()) }; LOCKS], used: Mutex::default() }
+        Self {
+            dir,
+            trees,
+            locks: [const { RwLock::new(()) }; LOCKS],
+            used: Mutex::default(),
+            uses: AtomicU64::default(),
+            pinned: Mutex::default(),
+            budget: Mutex::default(),
+        }
     }
 
     /// The cache directory.
@@ -80,18 +103,103 @@ impl Blobs {
             .encode(key)
             .map_err(|source| StoreError::Encode { stage: origin.stage, source })?;
         let _alone = self.alone(key);
-        self.guarded("write an entry", || {
+        let replaced = self.guarded("write an entry", || {
             let Trees { database, manifests, chunks, .. } = &self.trees;
-            manifests.remove(key.as_bytes())?;
+            let replaced = manifests.remove(key.as_bytes())?;
+            point()?;
             chunk::remove(chunks, key)?;
             chunk::write(chunks, key, bytes)?;
+            point()?;
             database.flush()?;
             manifests.insert(key.as_bytes(), record.as_slice())?;
+            point()?;
             database.flush()?;
-            Ok(())
+            Ok(replaced)
         })?;
+        let replaced = replaced.and_then(|record| Manifest::decode(key, &record));
+        if let Some(budget) = &mut *unpoisoned(&self.budget) {
+            let before = replaced.map_or(0, |manifest| manifest.length);
+            budget.live = (budget.live + manifest.length).saturating_sub(before);
+        }
         self.first_use(key);
         Ok(digest)
+    }
+
+    /// Removes the entries of these keys; one that is being read or written is waited for.
+    pub fn remove<'k>(
+        &self,
+        keys: impl IntoIterator<Item = &'k CacheKey>,
+    ) -> Result<(), StoreError> {
+        let Trees { database, manifests, chunks, .. } = &self.trees;
+        for key in keys {
+            let _alone = self.alone(key);
+            self.guarded("remove an entry", || {
+                manifests.remove(key.as_bytes())?;
+                point()?;
+                chunk::remove(chunks, key)
+            })?;
+        }
+        self.guarded("remove entries", || database.flush().map(drop))
+    }
+
+    /// The bytes of chunks that no manifest speaks of, and whether to `remove` them. Nothing may be written meanwhile.
+    pub fn orphans(&self, remove: bool) -> Result<u64, StoreError> {
+        let Trees { database, manifests, chunks, .. } = &self.trees;
+        self.guarded("look for chunks without an entry", || {
+            let mut bytes = 0;
+            for record in chunks {
+                let (address, record) = record?;
+                let is_orphan = match address.get(..32) {
+                    Some(key) => !manifests.contains_key(key)?,
+                    None => true,
+                };
+                if is_orphan {
+                    bytes += record.len() as u64;
+                    if remove {
+                        chunks.remove(address)?;
+                    }
+                }
+            }
+            database.flush()?;
+            Ok(bytes)
+        })
+    }
+
+    /// The length of the entry of `key`, or what is wrong with it; nothing is changed.
+    pub fn examine(&self, key: &CacheKey) -> Result<Option<Result<u64, String>>, StoreError> {
+        let _shared = self.shared(key);
+        self.guarded("examine an entry", || {
+            Ok(match self.find(key, |_| true)? {
+                Found::Nothing => None,
+                Found::Sound((manifest, _)) => Some(Ok(manifest.length)),
+                Found::Faulty(fault) => Some(Err(fault.to_string())),
+            })
+        })
+    }
+
+    /// Keeps these keys whatever the limit.
+    pub fn pin(&self, keys: impl IntoIterator<Item = CacheKey>) {
+        unpoisoned(&self.pinned).extend(keys);
+    }
+
+    /// The keys that stay whatever the limit.
+    pub fn pinned(&self) -> HashSet<CacheKey> {
+        unpoisoned(&self.pinned).clone()
+    }
+
+    /// The keys that this process has read or written; a larger number was used later.
+    pub fn used(&self) -> HashMap<CacheKey, u64> {
+        unpoisoned(&self.used).clone()
+    }
+
+    /// The entries take `live` bytes and may take `limit`.
+    pub fn limit(&self, limit: u64, live: u64) {
+        *unpoisoned(&self.budget) = Some(Budget { limit, live });
+    }
+
+    /// The limit, where the entries take more.
+    pub fn exceeded(&self) -> Option<u64> {
+        unpoisoned(&self.budget).filter(|budget| budget.live > budget.limit).map(|b| b.limit)
     }
 
     /// The manifest and bytes of `key` if it has an entry that `wanted` accepts and that matches every digest.
@@ -210,7 +318,9 @@ impl Blobs {
             let reason = fault.to_string();
             let record = Quarantined::encode(unix_now(), &reason);
             self.trees.manifests.remove(key.as_bytes())?;
+            point()?;
             chunk::remove(&self.trees.chunks, key)?;
+            point()?;
             self.trees.quarantined.insert(key.as_bytes(), record)?;
             self.trees.database.flush()?;
             Ok(Some(reason))
@@ -226,10 +336,11 @@ impl Blobs {
         }
     }
 
-    /// Whether this is the first use of `key` in this process.
+    /// Takes note of a use of `key`; whether it is the first one in this process.
     fn first_use(&self, key: &CacheKey) -> bool {
-        let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
-        used.insert(*key)
+        let mut used = unpoisoned(&self.used);
+        let now = self.uses.fetch_add(1, Ordering::Relaxed);
+        used.insert(*key, now).is_none()
     }
 
     /// Stamps the manifest with the present time, unless the entry was replaced meanwhile. It is not flushed: a lost
@@ -267,6 +378,10 @@ impl Blobs {
         let lock = &self.locks[usize::from(key.as_bytes()[0]) % LOCKS];
         lock.write().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+fn unpoisoned<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

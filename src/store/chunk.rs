@@ -15,6 +15,7 @@ use rkyv::util::AlignedVec;
 use sled::Tree;
 
 use super::CacheKey;
+use super::interruption::point;
 
 /// Bytes per chunk; the last one of an entry may be shorter.
 pub(super) const CHUNK: usize = 6 << 10;
@@ -45,6 +46,7 @@ pub(super) fn write(tree: &Tree, key: &CacheKey, bytes: &[u8]) -> sled::Result<(
         record.extend_from_slice(&digest(key, index, chunk));
         record.extend_from_slice(chunk);
         tree.insert(address(key, index), record.as_slice())?;
+        point()?;
     }
     Ok(())
 }
@@ -80,6 +82,7 @@ pub(super) fn read(
 pub(super) fn remove(tree: &Tree, key: &CacheKey) -> sled::Result<()> {
     for address in tree.scan_prefix(key.as_bytes()).keys() {
         tree.remove(address?)?;
+        point()?;
     }
     Ok(())
 }

@@ -17,7 +17,8 @@
 //! chladni.lock            the process that holds the directory (flock) and its number
 //! chladni.format          "chladni store 1": the version of all that follows
 //! chladni.suspect         left by a run that met damage inside the database; the next one sets it aside
-//! chladni.sled/           the database, three trees:
+//! chladni.generation      which database counts: the first one, or a later copy
+//! chladni.sled[-N]/       the database, three trees:
 //!   manifests             key                  → what the entry is, its length and digest; checksum
 //!   chunks                key, index (u32 BE)  → digest; up to 6 KiB of the entry's bytes
 //!   quarantined           key                  → when and why an entry was dropped
@@ -35,24 +36,31 @@
 //! - *A damaged database*: opening sets it aside. If the damage shows later, inside a read or write, that call
 //!   fails, and the next opening sets the database aside.
 //! - *Code of another schema*: a miss; the write that follows replaces the entry.
+//! - *A database that takes far more than its entries*: opening copies them to the next generation.
 //!
 //! # What is where
 //! `digest`, `key`: names of content and of work. `artifact`: typed values as bytes. `typed`: put and get.
 //! `blob` over `manifest`, `chunk` and `quarantine`: bytes in the database. `open`, `lock`, `format`, `recovery`:
-//! from a directory to an open store. `stat`: what a store holds. `error`: what the user has to decide.
+//! from a directory to an open store. `generation`: one database after the other. `retention`: what leaves a store.
+//! `interruption`: where a crash may fall, for tests. `stat`: what a store holds. `error`: what the user has to decide.
 
 mod artifact;
 mod blob;
 mod chunk;
+#[cfg(test)]
+mod crashes;
 mod digest;
 mod error;
 mod format;
+mod generation;
+mod interruption;
 mod key;
 mod lock;
 mod manifest;
 mod open;
 mod quarantine;
 mod recovery;
+mod retention;
 mod stat;
 mod typed;
 
@@ -62,5 +70,6 @@ pub use error::StoreError;
 pub use key::{CacheKey, KeyBuilder};
 pub use open::Store;
 pub use quarantine::Quarantined;
+pub use retention::{Compacted, Damaged, Kind, Mode, Swept, Verified};
 pub use stat::{StageStat, StoreStat};
 pub use typed::{Cached, Peeked};

@@ -14,18 +14,16 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-use super::StoreError;
 use super::format::{self, Marker};
-use super::manifest::unix_now;
-
-/// The database within a cache directory.
-const DATABASE: &str = "chladni.sled";
+use super::interruption::point;
+use super::manifest::{Manifest, unix_now};
+use super::{CacheKey, Digest, StoreError, chunk, generation};
 
 /// Left by a run that met damage after opening.
 const SUSPECT: &str = "chladni.suspect";
 
 /// Databases set aside are named with this and the time.
-pub(super) const QUARANTINE: &str = "quarantine-";
+const QUARANTINE: &str = "quarantine-";
 
 /// Pages that the database keeps in memory. Its default is 1 GiB; the artifacts in flight need that more.
 const PAGE_CACHE: u64 = 64 << 20;
@@ -42,10 +40,15 @@ pub(super) struct Trees {
     pub quarantined: sled::Tree,
 }
 
-/// Opens the database of `dir`, which is locked by us; sets a damaged one aside and starts anew.
+/// A database that takes more than this times its entries, and as much beside, is copied at the next opening.
+const SLACK: (u64, u64) = (3, 64 << 20);
+
+/// Opens the database of `dir`, which is locked by us; sets a damaged one aside and starts anew, and copies one that takes
+/// far more than its entries.
 pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
-    let database = dir.join(DATABASE);
     let marker = format::read(dir)?;
+    generation::remove_others(dir)?;
+    let database = generation::database(dir, generation::present(dir));
     if let Some(reason) = distrust(dir, marker, &database) {
         set_aside(dir, &database, &reason)?;
         remove_if_there(&dir.join(SUSPECT))?;
@@ -53,12 +56,128 @@ pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
     if marker != Marker::Ours {
         format::write(dir)?;
     }
-    match open_patiently(dir, &database) {
+    let trees = match open_patiently(dir, &database) {
         Err(error) if is_damage(&error) => {
             set_aside(dir, &database, &error.to_string())?;
-            open_patiently(dir, &database)
+            return open_patiently(dir, &database);
         }
-        opened => opened,
+        opened => opened?,
+    };
+    if !is_bloated(dir, &database, &trees) {
+        return Ok(trees);
+    }
+    match next_generation(dir, trees) {
+        Ok(()) => open_trees_of(dir),
+        Err(error) => {
+            tracing::warn!(
+                "the cache takes far more than what is in it, and cannot be copied: {error}"
+            );
+            open_trees_of(dir)
+        }
+    }
+}
+
+fn open_trees_of(dir: &Path) -> Result<Trees, StoreError> {
+    open_patiently(dir, &generation::database(dir, generation::present(dir)))
+}
+
+/// Whether the files take far more than the entries in them.
+fn is_bloated(dir: &Path, database: &Path, trees: &Trees) -> bool {
+    let (times, beside) = SLACK;
+    let disk = super::stat::disk_bytes(database).unwrap_or(0);
+    // The small ones need not be looked into.
+    disk > beside
+        && contained(dir, "measure the entries", || live_bytes(trees))
+            .is_ok_and(|live| disk > times * live + beside)
+}
+
+fn live_bytes(trees: &Trees) -> sled::Result<u64> {
+    let mut live = 0;
+    for record in &trees.manifests {
+        let (key, record) = record?;
+        let key: Option<[u8; 32]> = key.as_ref().try_into().ok();
+        let manifest = key.and_then(|key| Manifest::decode(&CacheKey::from_bytes(key), &record));
+        live += manifest.map_or(0, |manifest| manifest.length);
+    }
+    Ok(live)
+}
+
+/// Copies what is sound in `trees` to the next generation and makes that the present one.
+pub(super) fn next_generation(dir: &Path, trees: Trees) -> Result<(), StoreError> {
+    let next = generation::present(dir) + 1;
+    let copy = open_patiently(dir, &generation::database(dir, next))?;
+    contained(dir, "copy the database", || copy_all(&trees, &copy))?;
+    drop((trees, copy));
+    generation::promote(dir, next)?;
+    contained(dir, "end the copy", point)?;
+    generation::remove_others(dir)
+}
+
+/// Copies every entry whose bytes match their digests; what does not match is dropped, as a read would.
+fn copy_all(from: &Trees, to: &Trees) -> sled::Result<()> {
+    for record in &from.manifests {
+        let (address, record) = record?;
+        let Ok(key) = <[u8; 32]>::try_from(address.as_ref()) else { continue };
+        let key = CacheKey::from_bytes(key);
+        let Some(manifest) = Manifest::decode(&key, &record) else { continue };
+        match chunk::read(&from.chunks, &key, manifest.length)? {
+            Ok(bytes) if Digest::of(&bytes) == manifest.digest() => {
+                chunk::write(&to.chunks, &key, &bytes)?;
+                to.manifests.insert(&address, record)?;
+                point()?;
+            }
+            _ => {
+                tracing::warn!(%key, "a cached result is damaged; it is dropped and computed again")
+            }
+        }
+    }
+    for record in &from.quarantined {
+        let (key, record) = record?;
+        to.quarantined.insert(key, record)?;
+    }
+    to.database.flush()?;
+    Ok(())
+}
+
+/// The databases of `dir` that were set aside.
+pub(super) fn set_aside_in(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let refused = |source| StoreError::Directory { doing: "read", path: dir.to_owned(), source };
+    let mut found = Vec::new();
+    for item in fs::read_dir(dir).map_err(refused)? {
+        let item = item.map_err(refused)?;
+        if item.file_name().to_string_lossy().starts_with(QUARANTINE) {
+            found.push(item.path());
+        }
+    }
+    Ok(found)
+}
+
+/// Removes the databases that were set aside, or only tells what they take.
+pub(super) fn remove_set_aside(dir: &Path, remove: bool) -> Result<u64, StoreError> {
+    let mut bytes = 0;
+    for path in set_aside_in(dir)? {
+        bytes += super::stat::disk_bytes_of(&path)?;
+        if remove {
+            remove_directory(&path)?;
+        }
+    }
+    Ok(bytes)
+}
+
+/// Removes all databases of `dir`.
+pub(super) fn remove_all(dir: &Path) -> Result<(), StoreError> {
+    generation::remove_others(dir)?;
+    remove_directory(&generation::database(dir, generation::present(dir)))?;
+    remove_if_there(&dir.join(SUSPECT))?;
+    remove_set_aside(dir, true).map(drop)
+}
+
+fn remove_directory(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_dir_all(path) {
+        Err(source) if source.kind() != ErrorKind::NotFound => {
+            Err(StoreError::Directory { doing: "remove", path: path.to_owned(), source })
+        }
+        _ => Ok(()),
     }
 }
 

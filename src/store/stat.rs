@@ -8,8 +8,7 @@ use std::{fs, io};
 
 use serde::Serialize;
 
-use super::recovery::QUARANTINE;
-use super::{Store, StoreError};
+use super::{Store, StoreError, recovery};
 
 /// The contents of a store at one moment.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
@@ -48,23 +47,36 @@ impl Store {
             let Some(manifest) = self.blobs().manifest(&key) else {
                 continue;
             };
-            let stage = stat.stages.entry(manifest.stage).or_default();
-            stage.entries += 1;
-            stage.live_bytes += manifest.length;
+            stat.stages.entry(manifest.stage).or_default().count(manifest.length);
             stat.entries += 1;
             stat.live_bytes += manifest.length;
         }
         stat.quarantined_entries = self.quarantined()?.len() as u64;
-        let unreadable =
-            |source| StoreError::Directory { doing: "read", path: self.dir().to_owned(), source };
-        stat.disk_bytes = disk_bytes(self.dir()).map_err(unreadable)?;
-        stat.quarantined_databases = quarantined_databases(self.dir()).map_err(unreadable)?;
+        stat.disk_bytes = disk_bytes_of(self.dir())?;
+        stat.quarantined_databases = recovery::set_aside_in(self.dir())?.len() as u64;
         Ok(stat)
     }
 }
 
+impl StageStat {
+    /// Counts one more entry.
+    pub(super) fn count(&mut self, bytes: u64) {
+        self.entries += 1;
+        self.live_bytes += bytes;
+    }
+}
+
+/// The size of all files in a cache directory.
+pub(super) fn disk_bytes_of(dir: &Path) -> Result<u64, StoreError> {
+    disk_bytes(dir).map_err(|source| StoreError::Directory {
+        doing: "read",
+        path: dir.to_owned(),
+        source,
+    })
+}
+
 /// The length of all files below `dir`. A file that goes away meanwhile counts nothing; links are not followed.
-fn disk_bytes(dir: &Path) -> io::Result<u64> {
+pub(super) fn disk_bytes(dir: &Path) -> io::Result<u64> {
     let mut bytes = 0;
     let mut folders = vec![dir.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -81,15 +93,6 @@ fn disk_bytes(dir: &Path) -> io::Result<u64> {
         }
     }
     Ok(bytes)
-}
-
-fn quarantined_databases(dir: &Path) -> io::Result<u64> {
-    let mut count = 0;
-    for item in fs::read_dir(dir)? {
-        let name = item?.file_name();
-        count += u64::from(name.to_string_lossy().starts_with(QUARANTINE));
-    }
-    Ok(count)
 }
 
 fn if_there<T>(result: io::Result<T>) -> io::Result<Option<T>> {

@@ -43,7 +43,11 @@ impl Store {
         cost: Duration,
     ) -> Result<Digest, StoreError> {
         let origin = Origin { stage: A::STAGE, version: A::VERSION, schema: A::SCHEMA, cost };
-        self.blobs().write(key, origin, &encode(artifact)?)
+        let digest = self.blobs().write(key, origin, &encode(artifact)?)?;
+        if let Err(error) = self.make_room() {
+            tracing::warn!("the cache is over its limit: {error}");
+        }
+        Ok(digest)
     }
 
     /// The result stored under `key`, or `None`: there is none, it is of another stage or schema, or it was damaged
@@ -60,6 +64,14 @@ impl Store {
                 None
             }
         }
+    }
+
+    /// Removes what is stored under `key`, if anything is.
+    ///
+    /// # Errors
+    /// When the database cannot be written.
+    pub fn remove(&self, key: &CacheKey) -> Result<(), StoreError> {
+        self.blobs().remove([key])
     }
 
     /// Whether `key` has a result of this type, with its digest, without reading it: for planning what would be

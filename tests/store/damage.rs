@@ -40,7 +40,12 @@ fn raw(dir: &Path) -> sled::Db {
 }
 
 /// Changes the record at `address` of a tree: `None` removes it.
-fn tamper(dir: &Path, tree: &str, address: &[u8], change: impl FnOnce(Vec<u8>) -> Option<Vec<u8>>) {
+pub fn tamper(
+    dir: &Path,
+    tree: &str,
+    address: &[u8],
+    change: impl FnOnce(Vec<u8>) -> Option<Vec<u8>>,
+) {
     let tree = raw(dir).open_tree(tree).unwrap();
     let record = tree.get(address).unwrap().expect("there is such a record");
     match change(record.to_vec()) {
@@ -50,7 +55,7 @@ fn tamper(dir: &Path, tree: &str, address: &[u8], change: impl FnOnce(Vec<u8>) -
     tree.flush().unwrap();
 }
 
-fn flip(at: usize) -> impl FnOnce(Vec<u8>) -> Option<Vec<u8>> {
+pub fn flip(at: usize) -> impl FnOnce(Vec<u8>) -> Option<Vec<u8>> {
     move |mut record| {
         record[at] ^= 0x10;
         Some(record)

@@ -3,6 +3,7 @@
 
 mod damage;
 mod processes;
+mod retention;
 
 use std::collections::HashMap;
 use std::fs;

@@ -16,6 +16,7 @@ use super::loss::{Sample, Terms};
 use super::network::Network;
 use super::{Paper, Weights};
 use crate::ggnn::block::{Block, TrainingRecord};
+use crate::ggnn::checkpoint::Checkpoint;
 use crate::ggnn::network::Prepared;
 use crate::ggnn::predict::predict_next;
 use crate::ggnn::shards::{add_all, take};
@@ -40,7 +41,18 @@ pub fn train_block(
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(1);
     let mut history = Vec::with_capacity(recipe.epochs);
-    for epoch in 0..recipe.epochs {
+    let mut first = 0;
+    if let Some(kept) = observer.kept()
+        && kept.restore(recipe.epochs, network.parameters_mut().collect(), &mut adam)
+    {
+        first = kept.step;
+        (0..first).for_each(|_| order.shuffle(&mut rng));
+        history.extend(kept.history);
+    }
+    for epoch in first..recipe.epochs {
+        if epoch > first && observer.wants_checkpoint() {
+            observer.keep(Checkpoint::of(epoch, network.parameters(), &adam, &history));
+        }
         let (rate, weights) = (recipe.learning_rate_in(epoch), recipe.weights_in(epoch));
         order.shuffle(&mut rng);
         let mut sum = Terms::default();

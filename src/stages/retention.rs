@@ -1,0 +1,34 @@
+//! Which entries of the store are of use: those that this version makes, and what models need.
+
+use super::artifacts::{
+    CertificateArtifact, CheckpointArtifact, FamilyArtifact, OperatorsArtifact, PredictionArtifact,
+    ReferenceArtifact, RefinementArtifact, SecondOpinionArtifact, TrunkArtifact, TuneArtifact,
+};
+use super::models::{self, ModelArtifact};
+use crate::store::{Kind, Store, StoreError};
+
+/// Every kind of entry that this version makes and can use.
+pub fn kinds() -> Vec<Kind> {
+    vec![
+        Kind::of::<FamilyArtifact>(),
+        Kind::of::<OperatorsArtifact>(),
+        Kind::of::<TuneArtifact>(),
+        Kind::of::<TrunkArtifact>(),
+        Kind::of::<CheckpointArtifact>(),
+        Kind::of::<PredictionArtifact>(),
+        Kind::of::<ReferenceArtifact>(),
+        Kind::of::<SecondOpinionArtifact>(),
+        Kind::of::<RefinementArtifact>(),
+        Kind::of::<CertificateArtifact>(),
+        Kind::of::<ModelArtifact>(),
+    ]
+}
+
+/// Keeps models, and the trunks that they need, whatever room the cache has: they may be of use where their meshes are not.
+///
+/// # Errors
+/// When the database cannot be read.
+pub fn keep_models(store: &Store) -> Result<(), StoreError> {
+    store.pin(models::keys(store)?);
+    Ok(())
+}
