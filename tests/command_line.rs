@@ -74,6 +74,24 @@ fn exit_2_when_another_run_holds_the_cache() {
 }
 
 #[test]
+fn what_could_not_be_written_is_tried_again() {
+    let workspace = Workspace::new(QUICK);
+    std::fs::create_dir(workspace.path("out")).unwrap();
+    // A file where the folder of the results has to be.
+    workspace.write("out/sphere.obj", "");
+    let (code, report) = workspace.report(&[]);
+    assert_eq!(code, 3, "{report:?}");
+    let mut run = workspace.run(&["--retries", "40"]);
+    let child = run.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+    let child = child.spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    std::fs::remove_file(workspace.path("out/sphere.obj")).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("it is tried again"), "{}", text(&output));
+}
+
+#[test]
 fn exit_3_and_the_others_go_on_when_a_mesh_is_broken() {
     let workspace = Workspace::new(QUICK);
     let good = obj(&icosphere(2));

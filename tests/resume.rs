@@ -7,6 +7,7 @@ use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 use chladni::flow::events::How;
+use chladni::publish::status::{RunState, RunStatus};
 use common::{QUICK, Workspace};
 
 /// Long enough a training that a signal falls into its middle; gently, for so small a network.
@@ -99,6 +100,19 @@ fn a_training_that_was_killed_goes_on_from_its_checkpoint() {
     assert!(!stat.stages.contains_key("checkpoint"), "it has served: {stat:?}");
 }
 
+#[test]
+fn a_mesh_that_takes_too_long_fails_and_goes_on_when_it_has_more_time() {
+    let workspace = Workspace::new(&one_long(4000));
+    let (code, report) = workspace.report(&["--time-limit", "0.6"]);
+    let reason = report.meshes[0].reason.as_deref().unwrap();
+    assert_eq!(code, 3);
+    assert!(reason.contains("not done within --time-limit = 0.6 s"), "{reason}");
+    let output = workspace.run(&[]).env("RUST_LOG", "info,sled=off").output().unwrap();
+    let said = common::text(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("training φ2 goes on after step"), "{said}");
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_keeps_what_is_finished_and_says_so() {
@@ -126,4 +140,44 @@ fn the_bits_do_not_depend_on_the_number_of_workers() {
         results(&workspace)
     });
     assert!(one == three);
+}
+
+#[test]
+fn another_process_sees_how_far_a_run_is_and_that_it_was_killed() {
+    let workspace = Workspace::new(&slow().replace("steps = 600", "steps = 2500"));
+    workspace.write("meshes/broken.obj", "v 0 0\n");
+    let out = workspace.path("out");
+    let status = || {
+        let output =
+            common::chladni(&["status", "--format", "json", "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{}", common::text(&output));
+        serde_json::from_slice::<RunStatus>(&output.stdout).unwrap()
+    };
+    assert_eq!(common::chladni(&["status", "--out", out.to_str().unwrap()]).status.code(), Some(2));
+
+    let mut child = start_until(&workspace, 1);
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let running = loop {
+        let status = status();
+        if status.under_way.iter().any(|mesh| mesh.stage.starts_with("train φ")) {
+            break status;
+        }
+        assert!(Instant::now() < deadline, "{status:?}");
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    assert_eq!((running.state, running.process), (RunState::Running, child.id()));
+    assert_eq!((running.meshes, running.failed, running.waiting), (2, 1, 0));
+    assert_eq!(running.under_way[0].path, "sphere.obj");
+    assert!(running.seconds_left.is_some());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert_eq!(status().state, RunState::Killed);
+
+    workspace.report(&[]);
+    let finished = status();
+    assert_eq!(finished.state, RunState::Finished);
+    assert_eq!((finished.verified + finished.unverified, finished.failed), (1, 1));
+    assert!(finished.under_way.is_empty());
+    let output = common::chladni(&["status", "--out", out.to_str().unwrap()]);
+    assert!(common::text(&output).contains("2 of 2 meshes done"), "{}", common::text(&output));
 }

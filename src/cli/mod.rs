@@ -2,7 +2,7 @@
 //!
 //! - [`exit`]: the exit codes, which are part of the contract
 //! - [`logging`]: what goes to stderr
-//! - `run`, `solve`, `predict`, `model`, `info`, `cache`: the commands
+//! - `run`, `status`, `solve`, `predict`, `model`, `info`, `cache`: the commands
 
 mod cache;
 pub mod exit;
@@ -12,6 +12,7 @@ mod model;
 mod predict;
 mod run;
 mod solve;
+mod status;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -33,6 +34,8 @@ struct Cli {
 enum Command {
     /// Run a pipeline: train, predict and verify the eigenpairs of its meshes
     Run(run::Arguments),
+    /// Say how far a run is: meshes done, under way, waiting and failed
+    Status(status::Arguments),
     /// Solve for the eigenpairs of one mesh, and certify them
     Solve(solve::Arguments),
     /// Say what ingest sees of a mesh: counts, topology, defects, hash
@@ -83,6 +86,7 @@ pub fn main() -> ExitCode {
     logging::start();
     let exit = match cli.command {
         Command::Run(arguments) => run::execute(arguments),
+        Command::Status(arguments) => status::execute(&arguments),
         Command::Solve(arguments) => solve::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
         Command::Predict(arguments) => predict::execute(&arguments),

@@ -41,6 +41,12 @@ pub struct Arguments {
     /// Worker threads, and meshes under way at once [default: one a core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+    /// How often a mesh is tried again when a file could not be read or written, or after an internal error
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    retries: usize,
+    /// Seconds that one mesh may take; what is finished then is kept [default: no limit]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    time_limit: Option<f64>,
     /// Seconds between two checkpoints of a training: a kill loses no more
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds)]
     checkpoint: f64,
@@ -99,6 +105,8 @@ fn start(
         workers: arguments.jobs.unwrap_or_else(cores),
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
+        retries: arguments.retries,
+        time_limit: arguments.time_limit.map(Duration::from_secs_f64),
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
         events: Arc::new(events),
     };

@@ -88,6 +88,13 @@ pub struct MeshError {
     pub fault: Fault,
 }
 
+impl MeshError {
+    /// Whether the system refused to read the file, which says nothing of what is in it.
+    pub fn is_unreadable(&self) -> bool {
+        matches!(self.fault, Fault::Unreadable(_))
+    }
+}
+
 struct Located<'a>(&'a Option<Place>);
 
 impl fmt::Display for Located<'_> {

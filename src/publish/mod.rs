@@ -5,6 +5,7 @@
 //! - [`json`]: these documents as bytes
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
+//! - [`status`]: how far a run is, for other processes
 //! - [`table`]: a run for the terminal
 //! - [`atomic`]: bytes into files that are whole at any time
 
@@ -14,6 +15,7 @@ pub mod npz;
 pub mod ply;
 pub mod report;
 pub mod result;
+pub mod status;
 pub mod table;
 
 pub use atomic::{PublishError, Written, write, write_if_changed};

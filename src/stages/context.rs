@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
 use super::Failure;
+use super::board::Board;
 use super::predict::GivenModel;
 use crate::flow::events::{Event, EventSink, How, Unheard};
 use crate::pipeline::Pipeline;
@@ -28,8 +29,12 @@ pub struct Context {
     pub events: Arc<dyn EventSink>,
     /// Set when the run is to stop.
     pub cancel: CancellationToken,
+    /// The longest that one mesh may take, where there is a limit.
+    pub time_limit: Option<Duration>,
     /// How often a training leaves a checkpoint.
     pub checkpoint_every: Duration,
+    /// Where every mesh stands.
+    pub board: Board,
     /// One lock for every key that is being computed.
     pub flights: Flights,
 }
@@ -135,6 +140,32 @@ impl<A> Keyed<A> {
     }
 }
 
+/// What may end the work on a mesh before it is done.
+#[derive(Debug, Clone, Copy)]
+pub struct Stop<'c> {
+    cancel: &'c CancellationToken,
+    /// When it began, and how long it may take.
+    limit: Option<(Instant, Duration)>,
+}
+
+impl Stop<'_> {
+    /// Ends the work when the run is to stop, or when it has taken too long.
+    ///
+    /// # Errors
+    /// [`Failure::Interrupted`], [`Failure::OutOfTime`].
+    pub fn check(&self) -> Result<(), Failure> {
+        if self.cancel.is_cancelled() {
+            return Err(Failure::Interrupted);
+        }
+        match self.limit {
+            Some((began, limit)) if began.elapsed() > limit => {
+                Err(Failure::OutOfTime { limit: limit.as_secs_f64() })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Work with its key.
 pub struct Keyed<A> {
     key: CacheKey,
@@ -153,7 +184,9 @@ impl Context {
             store: None,
             events: Arc::new(Unheard),
             cancel: CancellationToken::new(),
+            time_limit: None,
             checkpoint_every: Duration::MAX,
+            board: Board::new(1),
             flights: Flights::default(),
         }
     }
@@ -163,14 +196,15 @@ impl Context {
     /// A store that cannot be written costs a warning and nothing else.
     ///
     /// # Errors
-    /// Those of `compute`; [`Failure::Interrupted`] when the run is to stop and the result is not there.
+    /// Those of `compute`, and of [`Stop::check`] when the result is not there.
     pub fn recall<A: Artifact>(
         &self,
         item: usize,
         work: Keyed<A>,
         compute: impl FnOnce() -> Result<A, Failure>,
     ) -> Result<Recalled<A>, Failure> {
-        let recalled = self.flights.alone(work.key, || self.find_or(&work.key, compute))?;
+        self.board.enters(item, A::STAGE, work.part);
+        let recalled = self.flights.alone(work.key, || self.find_or(item, &work.key, compute))?;
         let hex = |(role, digest): (String, Digest)| (role, digest.to_string());
         self.events.record(&Event {
             item,
@@ -186,6 +220,7 @@ impl Context {
 
     fn find_or<A: Artifact>(
         &self,
+        item: usize,
         key: &CacheKey,
         compute: impl FnOnce() -> Result<A, Failure>,
     ) -> Result<Recalled<A>, Failure> {
@@ -199,18 +234,16 @@ impl Context {
                 spent: started.elapsed(),
             });
         }
-        self.stop_if_cancelled()?;
+        self.stop(item).check()?;
         let artifact = compute()?;
         let digest = self.keep(key, &artifact, started.elapsed())?;
         Ok(Recalled { artifact, key: *key, digest, how: How::Computed, spent: started.elapsed() })
     }
 
-    /// Ends the work on a mesh when the run is to stop.
-    ///
-    /// # Errors
-    /// [`Failure::Interrupted`].
-    pub fn stop_if_cancelled(&self) -> Result<(), Failure> {
-        if self.cancel.is_cancelled() { Err(Failure::Interrupted) } else { Ok(()) }
+    /// What may end the work on this mesh.
+    pub fn stop(&self, item: usize) -> Stop<'_> {
+        let limit = self.time_limit.and_then(|limit| Some((self.board.began(item)?, limit)));
+        Stop { cancel: &self.cancel, limit }
     }
 
     fn keep<A: Artifact>(

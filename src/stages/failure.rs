@@ -68,6 +68,12 @@ pub enum Failure {
     /// The run was interrupted; what was finished is kept.
     #[error("interrupted; run again to go on from what is finished")]
     Interrupted,
+    /// It took too long.
+    #[error(
+        "not done within --time-limit = {limit} s; what is finished is kept, so that more time goes on from it; or make it \
+         cheaper (family.vertices, train.steps, train.k)"
+    )]
+    OutOfTime { limit: f64 },
     /// The run ended before this mesh was begun, because another failed.
     #[error("not started, since an earlier mesh failed (--fail-fast)")]
     NotStarted,
@@ -83,6 +89,15 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// Whether another try may succeed: the system refused something, or this program failed. What a mesh is stays so.
+    pub fn is_of_the_moment(&self) -> bool {
+        match self {
+            Self::Mesh(error) => error.is_unreadable(),
+            Self::Publish(_) | Self::Store(_) | Self::Internal(_) => true,
+            _ => false,
+        }
+    }
+
     /// Whether this program is to blame, not its input.
     pub fn is_internal(&self) -> bool {
         matches!(self, Self::Internal(_) | Self::Store(_))

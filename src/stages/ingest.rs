@@ -42,7 +42,6 @@ impl Loaded {
 /// # Errors
 /// Why the file is no mesh; or that it has too few vertices for K pairs.
 pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
-    context.stop_if_cancelled()?;
     let started = Instant::now();
     let ingested = mesh::load(&job.source)?;
     let (n, k) = (ingested.mesh.n(), context.pipeline.train.k);

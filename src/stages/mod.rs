@@ -7,6 +7,7 @@
 //! ```
 //! - [`intake`]: which meshes there are
 //! - [`context`]: what all stages share; recalling a result or computing it
+//! - [`board`]: where every mesh stands
 //! - [`artifacts`]: what the store keeps of each stage
 //! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`tune`], [`train`], [`verify`], [`publish`]: one stage each
 //! - [`checkpoints`]: trainings that are not finished
@@ -22,6 +23,7 @@
 
 pub mod artifacts;
 pub mod assemble;
+pub mod board;
 pub mod candidates;
 pub mod checkpoints;
 pub mod context;

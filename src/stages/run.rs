@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, mpsc};
 use tokio_util::sync::CancellationToken;
 
+use super::board::{self, Board};
 use super::context::Context;
 use super::intake::Job;
 use super::predict::GivenModel;
@@ -36,8 +37,12 @@ pub struct Run {
     pub workers: NonZeroUsize,
     /// What a failed mesh means for the others.
     pub on_failure: OnFailure,
+    /// How often a mesh is tried again whose failure may have been of the moment.
+    pub retries: usize,
     /// Cancelled to stop the run: finished work is kept, the rest is reported as interrupted.
     pub cancel: CancellationToken,
+    /// The longest that one mesh may take, where there is a limit.
+    pub time_limit: Option<Duration>,
     /// How often a training leaves a checkpoint: a kill loses no more than that.
     pub checkpoint_every: Duration,
     /// Who hears what was computed and what reused.
@@ -79,15 +84,34 @@ pub async fn run(run: Run) -> io::Result<Ended> {
         store: run.store,
         events: run.events,
         cancel: cancel.clone(),
+        time_limit: run.time_limit,
         checkpoint_every: run.checkpoint_every,
+        board: Board::new(run.jobs.len()),
         flights: Default::default(),
     });
+    let ended = CancellationToken::new();
+    let teller = tokio::spawn(board::tell(context.clone(), ended.clone()));
     let (intake, first, mut outcomes) = Stage::begin(workers);
     let tasks = chain(&context, first);
-    let feeder = tokio::spawn(feed(run.jobs.clone(), intake, admission, cancel.clone()));
+    let (again, retries) = mpsc::unbounded_channel();
+    let feeder = Feeder { jobs: run.jobs.clone(), intake, admission, cancel: cancel.clone() };
+    let feeder = tokio::spawn(feeder.feed(retries));
+    let mut again = Retries { left: vec![run.retries; run.jobs.len()], again: Some(again) };
+    let mut open = run.jobs.len();
+    if open == 0 {
+        again.end();
+    }
     let mut reports: Vec<Option<MeshReport>> = run.jobs.iter().map(|_| None).collect();
     let mut defect = false;
     while let Some(Outcome { item, result }) = outcomes.recv().await {
+        let result = match result {
+            Err(failure) if again.takes(item, &run.jobs[item], &failure) => continue,
+            result => result,
+        };
+        open -= 1;
+        if open == 0 {
+            again.end();
+        }
         let report = result.unwrap_or_else(|failure| {
             if run.on_failure == OnFailure::Stop {
                 cancel.cancel();
@@ -95,9 +119,12 @@ pub async fn run(run: Run) -> io::Result<Ended> {
             defect |= failure.is_internal();
             failed(&context, &run.jobs[item], failure, run.cancel.is_cancelled())
         });
+        context.board.ends(item, report.status);
         reports[item] = Some(report);
     }
     tasks.join_all().await;
+    ended.cancel();
+    drop(teller.await);
     // The feeder has ended: the outcomes end after it.
     drop(feeder.await);
     let interrupted = run.cancel.is_cancelled();
@@ -120,7 +147,11 @@ fn chain(
     let c = || context.clone();
     let (ingesting, assembling) = (c(), c());
     let assembled = first
-        .then(move |_, job| ingest::ingest(&ingesting, job))
+        .then(move |item, job: Job| {
+            ingesting.board.begins(item, &job.name);
+            ingesting.stop(item).check()?;
+            ingest::ingest(&ingesting, job)
+        })
         .then(move |item, loaded| assemble::assemble(&assembling, item, loaded));
     let candidates = match context.pipeline.train.method {
         Method::Fem | Method::Mpgd => {
@@ -156,23 +187,75 @@ fn chain(
         .end()
 }
 
-/// Lets jobs in as earlier ones finish, until the run is stopped.
-async fn feed(
+/// Lets jobs in as earlier ones finish, and again those that are to be tried again.
+struct Feeder {
     jobs: Vec<Job>,
     intake: mpsc::Sender<Parcel<Job>>,
     admission: Arc<Semaphore>,
     cancel: CancellationToken,
-) {
-    for (item, load) in jobs.into_iter().enumerate() {
-        let admitted = tokio::select! {
-            biased;
-            () = cancel.cancelled() => return,
-            admitted = admission.clone().acquire_owned() => admitted,
-        };
-        let Ok(admission) = admitted else { return };
-        if intake.send(Parcel { item, load, admission }).await.is_err() {
-            return;
+}
+
+impl Feeder {
+    /// Until the run is stopped, or no job can come again.
+    async fn feed(self, mut again: mpsc::UnboundedReceiver<usize>) {
+        for item in 0..self.jobs.len() {
+            if self.admit(item).await.is_none() {
+                return;
+            }
         }
+        while let Some(Some(item)) = self.unless_stopped(again.recv()).await {
+            // What was of the moment may need another one.
+            let waited = self.unless_stopped(tokio::time::sleep(BEFORE_RETRY)).await;
+            if waited.is_none() || self.admit(item).await.is_none() {
+                return;
+            }
+        }
+    }
+
+    async fn admit(&self, item: usize) -> Option<()> {
+        let admission = self.unless_stopped(self.admission.clone().acquire_owned()).await?.ok()?;
+        let load = self.jobs[item].clone();
+        self.intake.send(Parcel { item, load, admission }).await.ok()
+    }
+
+    /// What comes of `work`; `None` when the run is stopped before.
+    async fn unless_stopped<T>(&self, work: impl Future<Output = T>) -> Option<T> {
+        tokio::select! {
+            biased;
+            () = self.cancel.cancelled() => None,
+            done = work => Some(done),
+        }
+    }
+}
+
+/// Before a mesh is tried again.
+const BEFORE_RETRY: Duration = Duration::from_millis(500);
+
+/// Which meshes may be tried again.
+struct Retries {
+    /// How often, for every one.
+    left: Vec<usize>,
+    again: Option<mpsc::UnboundedSender<usize>>,
+}
+
+impl Retries {
+    /// Whether a mesh that failed so is tried again; then it is on its way.
+    fn takes(&mut self, item: usize, job: &Job, failure: &Failure) -> bool {
+        let Some(left) = self.left[item].checked_sub(1).filter(|_| failure.is_of_the_moment())
+        else {
+            return false;
+        };
+        self.left[item] = left;
+        let sent = self.again.as_ref().is_some_and(|again| again.send(item).is_ok());
+        if sent {
+            tracing::warn!("{}: {failure}; it is tried again", job.name);
+        }
+        sent
+    }
+
+    /// No mesh is left that could be.
+    fn end(&mut self) {
+        self.again = None;
     }
 }
 

@@ -5,14 +5,13 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Instant;
 
-use tokio_util::sync::CancellationToken;
 use tracing_indicatif::span_ext::IndicatifSpanExt;
 
 use super::Failure;
 use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::checkpoints::{self, Checkpoints};
-use super::context::{Context, Work, canonical};
+use super::context::{Context, Stop, Work, canonical};
 use super::family::{Prepared, Seen, TrainingSet};
 use crate::flow::events::How;
 use crate::ggnn::Block;
@@ -112,7 +111,7 @@ pub fn train(
     let work = work(context, &state, &recipe, &wanted).seeded(options.seed, "f32");
     let key = *work.key();
     let recalled = context.recall(item, work, || {
-        let blocks = trained(context, &mut state, &recipe, &wanted, &key)?;
+        let blocks = trained(context, item, &mut state, &recipe, &wanted, &key)?;
         Ok(TrunkArtifact::of(&blocks))
     })?;
     if let Some(store) = &context.store {
@@ -189,6 +188,7 @@ pub fn of_family<A: Artifact>(
 /// Trains the blocks for φ of `wanted` on one trunk, against all that is known before them.
 fn trained(
     context: &Context,
+    item: usize,
     state: &mut InTraining,
     recipe: &Recipe,
     wanted: &RangeInclusive<usize>,
@@ -200,7 +200,7 @@ fn trained(
     let checkpoints = context.store.as_ref();
     let checkpoints =
         checkpoints.map(|store| Checkpoints::of(result, store, context.checkpoint_every));
-    let progress = Progress::new(mesh, &work, recipe.reports(), &context.cancel);
+    let progress = Progress::new(mesh, &work, recipe.reports(), context.stop(item));
     let progress = Progress { checkpoints, ..progress };
     let Seen { members, nullspaces } = state.training.seen();
     if state.earlier.is_empty() {
@@ -231,7 +231,7 @@ fn trained(
         }
     };
     blocks.map_err(|source| match source {
-        TrainError::Cancelled => Failure::Interrupted,
+        TrainError::Cancelled => progress.stopped(),
         source => Failure::Train { functions: named(wanted), source },
     })
 }
@@ -267,19 +267,24 @@ pub fn named(functions: &RangeInclusive<usize>) -> String {
 pub struct Progress<'c> {
     bar: tracing::Span,
     work: String,
-    cancel: &'c CancellationToken,
+    stop: Stop<'c>,
     /// Where it can go on from; a search has none.
     checkpoints: Option<Checkpoints<'c>>,
 }
 
 impl<'c> Progress<'c> {
     /// A bar for `work` on a mesh, of so many steps in all.
-    pub fn new(mesh: &str, work: &str, steps: usize, cancel: &'c CancellationToken) -> Self {
+    pub fn new(mesh: &str, work: &str, steps: usize, stop: Stop<'c>) -> Self {
         let bar = tracing::info_span!("train", mesh, indicatif.pb_show = tracing::field::Empty);
         bar.pb_set_length(steps as u64);
         bar.pb_set_message(work);
         bar.pb_start();
-        Self { bar, work: work.into(), cancel, checkpoints: None }
+        Self { bar, work: work.into(), stop, checkpoints: None }
+    }
+
+    /// Why a training was told to stop.
+    pub fn stopped(&self) -> Failure {
+        self.stop.check().err().unwrap_or(Failure::Interrupted)
     }
 }
 
@@ -289,7 +294,7 @@ impl Observer for Progress<'_> {
     }
 
     fn cancelled(&self) -> bool {
-        self.cancel.is_cancelled()
+        self.stop.check().is_err()
     }
 
     fn kept(&self) -> Option<Checkpoint> {

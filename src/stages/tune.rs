@@ -79,7 +79,7 @@ fn searched(
         let mesh = &prepared.assembled.loaded.job.name;
         let steps = most_steps(recipe, train.tune, judge.trainings());
         let message = format!("{mesh}: trying {} recipes", train.tune);
-        let progress = Progress::new(mesh, &message, steps, &context.cancel);
+        let progress = Progress::new(mesh, &message, steps, context.stop(item));
         let training = &prepared.training;
         let found = search(own, &space, train.tune, train.seed, |choice, effort| {
             let recipe = effort.of(&choice.applied(recipe));
@@ -88,8 +88,8 @@ fn searched(
             let seen = under.as_ref().unwrap_or_else(|| training.seen());
             judge.loss(&recipe, &seen.members, &seen.nullspaces, &progress)
         });
-        // A training that fails has an infinite loss: what is left is that the run is to stop.
-        found.map(|tuning| (&tuning).into()).map_err(|_| Failure::Interrupted)
+        // A training that fails has an infinite loss: what is left is that it is to stop.
+        found.map(|tuning| (&tuning).into()).map_err(|_| progress.stopped())
     })?;
     let tuning = Tuning::from(recalled.artifact);
     let choice = tuning.choice().copied().unwrap_or(own);

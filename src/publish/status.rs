@@ -1,0 +1,186 @@
+//! How far a run is, for other processes: `status.json` in its output folder.
+//!
+//! The run renames a new one into place about once a second, and holds a lock on `status.lock` beside it for as long as it
+//! lives, however it ends. Who finds the lock free knows that the file is the last word of a run that is over.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::json::{document, null_is_nan};
+use super::{PublishError, write};
+
+const FILE: &str = "status.json";
+const LOCK: &str = "status.lock";
+
+/// The format of `status.json`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum RunStatusSchema {
+    /// The one that [`RunStatus`] describes.
+    #[default]
+    #[serde(rename = "chladni-status-1")]
+    V1,
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunStatus {
+    /// The format.
+    pub schema: RunStatusSchema,
+    /// Whether it goes on.
+    pub state: RunState,
+    /// The number of its process.
+    pub process: u32,
+    /// When it began, in seconds since 1970.
+    pub started: u64,
+    /// When this was written, in seconds since 1970.
+    pub updated: u64,
+    /// All meshes.
+    pub meshes: usize,
+    /// Those whose eigenpairs passed.
+    pub verified: usize,
+    /// Those of which some pair did not.
+    pub unverified: usize,
+    /// Those that could not be processed.
+    pub failed: usize,
+    /// Those that have not been begun.
+    pub waiting: usize,
+    /// Those that are being worked on, in the order of the input.
+    pub under_way: Vec<UnderWay>,
+    /// Meshes that were done in an hour, so far.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub per_hour: f64,
+    /// What is left at this rate; unknown before the first mesh is done.
+    pub seconds_left: Option<f64>,
+}
+
+/// Whether a run goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RunState {
+    /// It does.
+    Running,
+    /// All meshes are done.
+    Finished,
+    /// It was stopped, and kept what was finished.
+    Interrupted,
+    /// Its process has ended without a word.
+    Killed,
+}
+
+/// A mesh that is being worked on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct UnderWay {
+    /// Which one, as in the report.
+    pub path: String,
+    /// The stage that it is in.
+    pub stage: String,
+    /// How long it has been in it.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub seconds: f64,
+}
+
+/// The place where a run says how far it is, until it is dropped.
+#[derive(Debug)]
+pub struct StatusFile {
+    path: PathBuf,
+    _lock: File,
+}
+
+impl StatusFile {
+    /// Takes the place in the output folder `out`, which must exist; `None` while another run has it.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn take(out: &Path) -> io::Result<Option<Self>> {
+        let lock = lock_file(out)?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Some(Self { path: out.join(FILE), _lock: lock })),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(error)) => Err(error),
+        }
+    }
+
+    /// Says how far the run is.
+    ///
+    /// # Errors
+    /// When the system refuses; what was said before stays.
+    pub fn write(&self, status: &RunStatus) -> Result<(), PublishError> {
+        write(&self.path, &document(status))
+    }
+}
+
+/// What the last run into `out` has said, with [`RunState::Killed`] for one that has ended without saying so; `None` if there
+/// was none.
+///
+/// # Errors
+/// What the system says, or when the file is no status.
+pub fn read(out: &Path) -> io::Result<Option<RunStatus>> {
+    let bytes = match std::fs::read(out.join(FILE)) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        bytes => bytes?,
+    };
+    let mut status: RunStatus = serde_json::from_slice(&bytes)?;
+    if status.state == RunState::Running && !is_held(out)? {
+        // It may have ended between the two looks.
+        status = serde_json::from_slice(&std::fs::read(out.join(FILE))?)?;
+        if status.state == RunState::Running {
+            status.state = RunState::Killed;
+        }
+    }
+    Ok(Some(status))
+}
+
+fn is_held(out: &Path) -> io::Result<bool> {
+    // Sharing is enough to see, and two that look do not see one another.
+    match lock_file(out)?.try_lock_shared() {
+        Ok(()) => Ok(false),
+        Err(TryLockError::WouldBlock) => Ok(true),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
+}
+
+fn lock_file(out: &Path) -> io::Result<File> {
+    OpenOptions::new().read(true).write(true).create(true).truncate(false).open(out.join(LOCK))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn status(state: RunState) -> RunStatus {
+        RunStatus {
+            schema: RunStatusSchema::V1,
+            state,
+            process: 1,
+            started: 2,
+            updated: 3,
+            meshes: 4,
+            verified: 1,
+            unverified: 0,
+            failed: 1,
+            waiting: 1,
+            under_way: vec![UnderWay { path: "a".into(), stage: "train".into(), seconds: 0.5 }],
+            per_hour: 7.0,
+            seconds_left: None,
+        }
+    }
+
+    #[test]
+    fn a_run_that_ends_without_a_word_was_killed() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(read(dir.path()).unwrap(), None);
+        let file = StatusFile::take(dir.path()).unwrap().unwrap();
+        assert!(StatusFile::take(dir.path()).unwrap().is_none());
+        file.write(&status(RunState::Running)).unwrap();
+        assert_eq!(read(dir.path()).unwrap(), Some(status(RunState::Running)));
+        drop(file);
+        assert_eq!(read(dir.path()).unwrap(), Some(status(RunState::Killed)));
+        let file = StatusFile::take(dir.path()).unwrap().unwrap();
+        file.write(&status(RunState::Finished)).unwrap();
+        drop(file);
+        assert_eq!(read(dir.path()).unwrap(), Some(status(RunState::Finished)));
+    }
+}

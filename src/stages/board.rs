@@ -1,0 +1,153 @@
+//! Where every mesh of a run stands: the stages write it down, and the run tells others.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use tokio_util::sync::CancellationToken;
+
+use super::context::Context;
+use crate::publish::report::Status;
+use crate::publish::status::{RunState, RunStatus, RunStatusSchema, StatusFile, UnderWay};
+
+/// How often others are told.
+const EVERY: Duration = Duration::from_secs(1);
+
+/// Where the meshes of a run stand.
+#[derive(Debug)]
+pub struct Board {
+    meshes: usize,
+    began: Instant,
+    started: u64,
+    entries: Mutex<Entries>,
+}
+
+#[derive(Debug, Default)]
+struct Entries {
+    under_way: BTreeMap<usize, Entry>,
+    verified: usize,
+    unverified: usize,
+    failed: usize,
+}
+
+#[derive(Debug)]
+struct Entry {
+    path: String,
+    stage: String,
+    since: Instant,
+    began: Instant,
+}
+
+impl Board {
+    /// For a run over so many meshes, which begins now.
+    pub fn new(meshes: usize) -> Self {
+        let (began, started) = (Instant::now(), unix_now());
+        Self { meshes, began, started, entries: Mutex::default() }
+    }
+
+    /// Work on a mesh begins.
+    pub fn begins(&self, item: usize, path: &str) {
+        let now = Instant::now();
+        let entry = Entry { path: path.into(), stage: "ingest".into(), since: now, began: now };
+        self.entries().under_way.insert(item, entry);
+    }
+
+    /// A mesh enters a stage.
+    pub fn enters(&self, item: usize, stage: &str, part: Option<usize>) {
+        if let Some(entry) = self.entries().under_way.get_mut(&item) {
+            entry.stage = part.map_or(stage.into(), |part| format!("{stage} φ{part}"));
+            entry.since = Instant::now();
+        }
+    }
+
+    /// When work on a mesh began, while it is under way.
+    pub fn began(&self, item: usize) -> Option<Instant> {
+        Some(self.entries().under_way.get(&item)?.began)
+    }
+
+    /// A mesh has ended so.
+    pub fn ends(&self, item: usize, status: Status) {
+        let mut entries = self.entries();
+        entries.under_way.remove(&item);
+        match status {
+            Status::Verified => entries.verified += 1,
+            Status::Unverified => entries.unverified += 1,
+            Status::Failed => entries.failed += 1,
+        }
+    }
+
+    /// How far the run is.
+    pub fn status(&self, state: RunState) -> RunStatus {
+        let entries = self.entries();
+        let under_way: Vec<UnderWay> = entries
+            .under_way
+            .values()
+            .map(|Entry { path, stage, since, .. }| UnderWay {
+                path: path.clone(),
+                stage: stage.clone(),
+                seconds: since.elapsed().as_secs_f64(),
+            })
+            .collect();
+        let done = entries.verified + entries.unverified + entries.failed;
+        let each = self.began.elapsed().as_secs_f64() / done as f64;
+        RunStatus {
+            schema: RunStatusSchema::V1,
+            state,
+            process: std::process::id(),
+            started: self.started,
+            updated: unix_now(),
+            meshes: self.meshes,
+            verified: entries.verified,
+            unverified: entries.unverified,
+            failed: entries.failed,
+            waiting: self.meshes.saturating_sub(done + under_way.len()),
+            under_way,
+            per_hour: if done > 0 { 3600.0 / each } else { 0.0 },
+            seconds_left: (done > 0).then(|| each * (self.meshes - done) as f64),
+        }
+    }
+
+    fn entries(&self) -> MutexGuard<'_, Entries> {
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Tells others how far the run of `context` is, again and again, until `ended`. That they cannot be told costs a warning.
+pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
+    let out = &context.out;
+    let file = match StatusFile::take(out) {
+        Ok(Some(file)) => Arc::new(file),
+        Ok(None) => {
+            tracing::warn!(
+                "another run writes to {}; `chladni status` tells of that one",
+                out.display()
+            );
+            return;
+        }
+        Err(error) => {
+            tracing::warn!("`chladni status` will not know of this run: {error}");
+            return;
+        }
+    };
+    let mut state = RunState::Running;
+    while state == RunState::Running {
+        if ended.is_cancelled() {
+            let stopped = context.cancel.is_cancelled();
+            state = if stopped { RunState::Interrupted } else { RunState::Finished };
+        }
+        let (file, status) = (file.clone(), context.board.status(state));
+        let written = tokio::task::spawn_blocking(move || file.write(&status)).await;
+        if let Ok(Err(error)) = written {
+            tracing::warn!("`chladni status` will not know how far this run is: {error}");
+            return;
+        }
+        tokio::select! {
+            () = ended.cancelled() => {}
+            () = tokio::time::sleep(EVERY) => {}
+        }
+    }
+}
+
+fn unix_now() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
