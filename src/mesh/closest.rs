@@ -111,6 +111,11 @@ impl<'m> ClosestPoint<'m> {
         })
     }
 
+    /// The surface.
+    pub fn mesh(&self) -> &TriMesh {
+        self.mesh
+    }
+
     /// The point of the surface that is closest to `point`; of several, one in the triangle of the lowest number.
     pub fn to(&self, point: [f64; 3]) -> SurfacePoint {
         self.closest(point, |_| true).unwrap_or_else(|| self.in_face(0, point))

@@ -33,7 +33,7 @@ macro_rules! artifact {
 artifact!(FamilyArtifact, "remesh", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
 artifact!(TuneArtifact, "tune", version 1, schema 1);
-artifact!(TrunkArtifact, "train", version 2, schema 4);
+artifact!(TrunkArtifact, "train", version 3, schema 4);
 artifact!(CheckpointArtifact, "checkpoint", version 1, schema 1);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 2, schema 2);
