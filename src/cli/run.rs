@@ -50,6 +50,15 @@ pub struct Arguments {
     /// Seconds between two checkpoints of a training: a kill loses no more
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds)]
     checkpoint: f64,
+    /// Whether a mesh that has changed begins with the blocks of its previous version; `off`: as if there had been none
+    #[arg(
+        long,
+        value_enum,
+        default_value = "on",
+        value_name = "on|off",
+        hide_possible_values = true
+    )]
+    lineage: Switch,
     /// Go on with the other meshes when one fails (the default)
     #[arg(long, overrides_with = "fail_fast")]
     keep_going: bool,
@@ -59,6 +68,13 @@ pub struct Arguments {
     /// How the result is shown
     #[arg(long, value_enum, default_value = "human")]
     format: Format,
+}
+
+/// `on` or `off`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Switch {
+    On,
+    Off,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -106,6 +122,7 @@ fn start(
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
         retries: arguments.retries,
+        lineage: arguments.lineage == Switch::On,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
         events: Arc::new(events),

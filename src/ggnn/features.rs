@@ -1,5 +1,7 @@
 //! What the network reads at every vertex.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use super::landmarks::Landmarks;
@@ -125,9 +127,15 @@ impl Features {
     /// The features of every vertex of a mesh of that shape, which may lie elsewhere or be in other units than the training
     /// mesh: it is then read in its own frame. Row-major n×d.
     pub fn read_anywhere(&self, mesh: &TriMesh) -> Vec<f64> {
+        self.near(mesh).read(mesh)
+    }
+
+    /// What is read of a mesh of that shape, and of its samplings, where it lies: in its own frame, if it was moved or is in
+    /// other units.
+    pub fn near(&self, mesh: &TriMesh) -> Cow<'_, Self> {
         match self {
-            Self::Coordinates(Some(frame)) => frame.near(mesh).coordinates(mesh),
-            _ => self.read(mesh),
+            Self::Coordinates(Some(frame)) => Cow::Owned(Self::Coordinates(Some(frame.near(mesh)))),
+            _ => Cow::Borrowed(self),
         }
     }
 

@@ -10,7 +10,9 @@ use rayon::prelude::*;
 
 use super::block::Block;
 use super::head::{Grams, Head};
-use super::sample::Sample;
+use super::predict::predict_all;
+use super::sample::{Member, Sample};
+use crate::spectrum::Dense;
 
 /// The blocks of one trunk with heads that are solved over `samples`; `None` when its features do not span as many
 /// functions there.
@@ -32,6 +34,22 @@ pub fn solve_heads(blocks: &[Block], samples: &[Sample], ridge: f64) -> Option<V
     let heads = sum.solve(ridge, blocks.len())?;
     let with = |(block, head): (&Block, Head)| Block { head: head.weights, ..block.clone() };
     Some(blocks.iter().zip(heads).map(with).collect())
+}
+
+/// The eigenfunctions on one mesh by the trunks of `blocks` with heads that are solved on this very mesh, n×(c + blocks),
+/// after the c `zeros`, its eigenfunctions of λ = 0; `None` when the features do not span as many functions there.
+///
+/// Each has unit norm in the inner product of `member`'s mass. Where every eigenfunction has a trunk of its own,
+/// neighbours may come out mixed: each head is solved against those before it. Rayleigh–Ritz on the span of all of them
+/// parts them.
+pub fn functions_on(member: &Member, zeros: &Dense, blocks: &[Block], ridge: f64) -> Option<Dense> {
+    let mut phi = zeros.clone();
+    for heads in blocks.chunk_by(Block::shares_trunk) {
+        let solved = solve_heads(heads, &[Sample::new(member, &phi)], ridge)?;
+        let solved: Vec<&Block> = solved.iter().collect();
+        phi = predict_all(&phi, &solved, &member.input, &member.mass);
+    }
+    Some(phi)
 }
 
 #[cfg(test)]

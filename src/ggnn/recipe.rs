@@ -80,6 +80,9 @@ fn is_zero(held_out: &usize) -> bool {
     *held_out == 0
 }
 
+/// The learning rate of a continued training, relative to that of one from nothing (`docs/lineage.md`).
+const GENTLER: f64 = 1.0 / 3.0;
+
 impl Default for Ritz {
     /// The values that `docs/training.md` arrives at.
     fn default() -> Self {
@@ -108,6 +111,12 @@ impl Ritz {
     /// What a trunk that all eigenfunctions share wants more of: steps for all of them, and spare ones.
     pub fn shared() -> Self {
         Self { steps: 600, spare: 4, ..Self::default() }
+    }
+
+    /// The recipe by which the training of a nearly right trunk goes on: a `share` of the steps, more gently.
+    pub fn continued(&self, share: f64) -> Self {
+        let steps = (share * self.steps as f64).ceil().max(1.0) as usize;
+        Self { steps, learning_rate: GENTLER * self.learning_rate, ..*self }
     }
 
     /// How many of so many members are held out: one at least is left to train on.

@@ -88,8 +88,23 @@ pub fn train_blocks(
     seed: u64,
     observer: &dyn Observer,
 ) -> Result<Vec<Block>, TrainError> {
+    let trunk = Trunk::init(recipe.shape, recipe.ranges, seed);
+    train_blocks_from(trunk, samples, recipe, count, seed, observer)
+}
+
+/// The same, on a trunk that is trained already: for another shape, or by another recipe. `seed` draws the batches.
+///
+/// # Errors
+/// [`TrainError`].
+pub fn train_blocks_from(
+    mut trunk: Trunk<f32>,
+    samples: Vec<Sample>,
+    recipe: &Ritz,
+    count: usize,
+    seed: u64,
+    observer: &dyn Observer,
+) -> Result<Vec<Block>, TrainError> {
     let (seen, held_out) = samples.split_at(samples.len() - recipe.held_out_of(samples.len()));
-    let mut trunk = Trunk::init(recipe.shape, recipe.ranges, seed);
     let everyone: Vec<usize> = (0..seen.len()).collect();
     let mut batches = Batches::new(seen.len(), recipe.batch, seed);
     let mut watch = Watch::new(held_out, recipe.steps);

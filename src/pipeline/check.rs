@@ -11,7 +11,7 @@ use crate::operators::{Boundary, Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 
 /// Options that only one recipe reads.
-const RITZ_ONLY: [&str; 8] = [
+const RITZ_ONLY: [&str; 9] = [
     "train.trunk",
     "train.steps",
     "train.ridge",
@@ -20,6 +20,7 @@ const RITZ_ONLY: [&str; 8] = [
     "train.shards",
     "train.held_out",
     "train.tune",
+    "train.fine_tune",
 ];
 
 /// Options that only a shared trunk reads.
@@ -122,7 +123,9 @@ impl Pipeline {
             ("family.perturbation", family.perturbation),
             ("family.flips", family.flips),
         ];
-        refuse_unless(&not_negative, |value| value >= 0.0, "must not be negative")
+        refuse_unless(&not_negative, |value| value >= 0.0, "must not be negative")?;
+        let share = [("train.fine_tune", train.fine_tune)];
+        refuse_unless(&share, |value| (0.0..=1.0).contains(&value), "is a share, from 0 to 1")
     }
 
     fn check_family(&self) -> Result<(), PipelineError> {

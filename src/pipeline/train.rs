@@ -66,6 +66,9 @@ pub struct Train {
     pub held_out: usize,
     /// `ritz`: how many recipes are tried, this one among them, before the best is trained by.
     pub tune: usize,
+    /// `ritz`: the share of the steps that is taken when training goes on from the blocks of a mesh's previous version; 0: it
+    /// never does.
+    pub fine_tune: f64,
     /// What holds the network to 0 on a Dirichlet boundary, relative to the stiffness's own diagonal.
     pub boundary_penalty: f64,
     /// `ritz`: parallel tapes, at most one a member of a batch. The bits of a result depend on it, but not on the number
@@ -157,6 +160,9 @@ impl Refine {
     }
 }
 
+/// What `docs/lineage.md` arrives at.
+const FINE_TUNE: f64 = 0.1;
+
 impl Default for Train {
     fn default() -> Self {
         let Ritz { shape, ranges, steps, batch, learning_rate, ridge, spare, shards, held_out } =
@@ -186,6 +192,7 @@ impl Default for Train {
             head_subdivisions: 0,
             held_out,
             tune: 0,
+            fine_tune: FINE_TUNE,
             boundary_penalty: BOUNDARY_PENALTY,
             shards,
             epochs: paper.epochs,

@@ -183,8 +183,10 @@ pub enum Source {
     Constant,
     /// A block trained on the family of this mesh.
     Trained,
-    /// A model that was given.
+    /// A model that was given, or that of the mesh's previous version.
     Predicted,
+    /// The trunks of the mesh's previous version, with heads solved on this mesh, or trained on.
+    Finetuned,
     /// A solver, from a learned eigenfunction.
     Refined,
     /// The reference solver.
@@ -200,6 +202,7 @@ impl Source {
             Self::Constant => "constant",
             Self::Trained => "trained",
             Self::Predicted => "predicted",
+            Self::Finetuned => "finetuned",
             Self::Refined => "refined",
             Self::Fem => "fem",
             Self::Mpgd => "mpgd",
@@ -314,13 +317,42 @@ pub struct Provenance {
     pub chladni: String,
     /// The parameters of the pipeline that can change a number.
     pub parameters: serde_json::Value,
+    /// The previous version whose blocks these pairs come from; only there when they do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grown_from: Option<Ancestor>,
+}
+
+/// A previous version of a mesh, and what became of its blocks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ancestor {
+    /// The mesh that the blocks were trained for.
+    pub mesh: MeshHash,
+    /// What was done with them.
+    pub blocks: Inheritance,
+}
+
+/// What was done with the blocks of a previous version.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Inheritance {
+    /// They predict as they are.
+    AsTheyAre,
+    /// Their heads were solved on the new mesh.
+    Heads,
+    /// Training went on from their weights.
+    FineTuned,
 }
 
 impl Provenance {
     /// These parameters and the version that is running.
     pub fn new(parameters: serde_json::Value) -> Self {
-        Self { chladni: env!("CARGO_PKG_VERSION").to_owned(), parameters }
+        Self { chladni: env!("CARGO_PKG_VERSION").to_owned(), parameters, grown_from: None }
     }
+}
+
+impl Inheritance {
+    /// From the least work to the most.
+    pub const ALL: [Self; 3] = [Self::AsTheyAre, Self::Heads, Self::FineTuned];
 }
 
 #[cfg(test)]

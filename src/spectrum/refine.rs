@@ -13,7 +13,7 @@ use super::lanczos::{Krylov, Ritz};
 use super::panel::{Panel, WIDTH};
 use super::pencil::{column, combine};
 use super::rayleigh_ritz::ritz_pairs;
-use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError, TrianglePencil};
+use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError};
 
 /// A pair is refined when its residual in the B⁻¹ norm is below this, relative to λ, or as small as rounding allows.
 pub const TOLERANCE: f64 = 1e-8;
@@ -22,18 +22,19 @@ pub const TOLERANCE: f64 = 1e-8;
 const DENSE: usize = 400;
 const DENSE_PAIRS: usize = 4;
 
-/// The Ritz pairs of (ΦᵀLΦ, ΦᵀBΦ) for Φ = `phi`, n×K, in canonical form. The first `known` columns are the eigenfunctions of
-/// λ = 0, which the others are B-orthogonal to; they stay. λ below `zero` counts as zero.
+/// The Ritz pairs of (ΦᵀLΦ, ΦᵀBΦ) for Φ = `phi`, n×K, in canonical form; `projected` gives both matrices for a set of
+/// functions. The first `known` columns are the eigenfunctions of λ = 0, which the others are B-orthogonal to; they stay.
+/// λ below `zero` counts as zero.
 ///
 /// `None` when the functions are linearly dependent or are no numbers.
 pub fn rayleigh_ritz(
-    pencil: &TrianglePencil,
+    projected: impl FnOnce(&Dense) -> (Dense, Dense),
     phi: &Dense,
     known: usize,
     zero: f64,
 ) -> Option<Eigenpairs> {
     let learned = phi.subcols(known, phi.ncols() - known).to_owned();
-    let (stiffness, mass) = pencil.projected(&learned);
+    let (stiffness, mass) = projected(&learned);
     let ritz = ritz_pairs(&stiffness, &mass, INDEPENDENT);
     if ritz.values.len() < learned.ncols() {
         return None;
@@ -204,7 +205,7 @@ mod tests {
             let reference = fem::lowest(problem, analysis, 6).unwrap().pairs.truncated(6);
             let mut phi = reference.vectors.clone();
             phi.subcols_mut(1, 5).copy_from(nearly(&reference, 6));
-            let refined = rayleigh_ritz(&pencil, &phi, 1, 1e-9).unwrap();
+            let refined = rayleigh_ritz(|x| pencil.projected(x), &phi, 1, 1e-9).unwrap();
             let (a, m) = problem.pencil().projected(&phi.subcols(1, 5).to_owned());
             let expected = ritz_pairs(&a, &m, 0.0).values;
             for (found, expected) in refined.values[1..].iter().zip(&expected) {
@@ -214,7 +215,7 @@ mod tests {
             let sum = |values: &[f64]| values.iter().sum::<f64>();
             assert!(sum(&refined.values) <= sum(&quotients));
             let twice = Dense::from_fn(phi.nrows(), 3, |i, _| phi[(i, 2)]);
-            assert!(rayleigh_ritz(&pencil, &twice, 0, 1e-9).is_none());
+            assert!(rayleigh_ritz(|x| pencil.projected(x), &twice, 0, 1e-9).is_none());
         });
     }
 

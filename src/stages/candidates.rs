@@ -8,15 +8,18 @@ use super::artifacts::PredictionArtifact;
 use super::assemble::Assembled;
 use super::context::{Context, Recalled, Work, canonical};
 use super::family::network_input;
+use super::lineage::Parent;
 use super::predict::Predicted;
 use super::refine::Refinement;
 use super::train::{Chosen, InTraining, TrainedBlock};
-use super::{models, predict, reference};
+use super::{lineage, models, predict, reference};
 use crate::flow::events::How;
 use crate::ggnn::Block;
+use crate::ggnn::features::Features;
 use crate::ggnn::predict::predict_all;
 use crate::operators::Operators;
 use crate::pipeline::Method;
+use crate::publish::result::{Ancestor, Inheritance};
 use crate::spectrum::Dense;
 use crate::spectrum::certificate::SecondOpinion;
 use crate::spectrum::fem::Reference;
@@ -37,6 +40,22 @@ pub struct Candidates {
     pub refinement: Option<Refinement>,
 }
 
+/// How functions came from the blocks of a mesh's previous version.
+#[derive(Debug, Clone)]
+pub struct Grown {
+    /// The model that they came from.
+    pub parent: Arc<Parent>,
+    /// By what.
+    pub step: Inheritance,
+}
+
+impl Grown {
+    /// As results tell of it.
+    pub fn ancestor(&self) -> Ancestor {
+        Ancestor { mesh: self.parent.mesh(), blocks: self.step }
+    }
+}
+
 /// Where candidates come from.
 #[derive(Debug, Clone)]
 pub enum Origin {
@@ -48,6 +67,8 @@ pub enum Origin {
         blocks: Vec<TrainedBlock>,
         /// The options that they were trained by.
         chosen: Arc<Chosen>,
+        /// What they grew from; nothing where they were trained for the mesh from the start.
+        grown: Option<Grown>,
     },
     /// A given model.
     Predicted {
@@ -80,35 +101,65 @@ impl Origin {
             Self::Predicted { .. } | Self::Fem { .. } | Self::Mpgd { .. } => None,
         }
     }
+
+    /// What they grew from, if they did.
+    pub fn grown(&self) -> Option<&Grown> {
+        match self {
+            Self::Learned { grown, .. } => grown.as_ref(),
+            Self::Predicted { .. } | Self::Fem { .. } | Self::Mpgd { .. } => None,
+        }
+    }
 }
 
 /// Predicts the eigenfunctions of the mesh with its blocks.
 ///
 /// # Errors
 /// When the run is interrupted.
-pub fn predict(
+pub fn predict(context: &Context, item: usize, trained: InTraining) -> Result<Candidates, Failure> {
+    let model = models::remember(context, &trained);
+    if let Some(model) = model {
+        lineage::record(context, &trained.assembled.loaded, &model, None);
+    }
+    let known = trained.known();
+    let InTraining { assembled, blocks, training, chosen, .. } = trained;
+    let Made { assembled, vectors, digest } =
+        forward(context, item, assembled, training.features(), &blocks, false)?;
+    let origin = Origin::Learned { known, blocks, chosen, grown: None };
+    Ok(Candidates { assembled, vectors, digest, origin, refinement: None })
+}
+
+/// A mesh with functions of its own.
+#[derive(Debug)]
+pub struct Made {
+    /// The mesh.
+    pub assembled: Assembled,
+    /// φ₁ … φ_K, n×K, unit B-norm in input units.
+    pub vectors: Dense,
+    /// Of the functions.
+    pub digest: Digest,
+}
+
+/// The functions that `blocks` predict on the mesh, of which they read `features`; `foreign` when those are not the ones that
+/// the mesh and the pipeline say.
+///
+/// # Errors
+/// When the run is interrupted.
+pub fn forward(
     context: &Context,
     item: usize,
-    mut trained: InTraining,
-) -> Result<Candidates, Failure> {
+    mut assembled: Assembled,
+    features: &Features,
+    blocks: &[TrainedBlock],
+    foreign: bool,
+) -> Result<Made, Failure> {
     let started = Instant::now();
     let k = context.pipeline.train.k;
-    let known = trained.known();
-    let InTraining { assembled, blocks, training, .. } = &trained;
     let boundary = context.pipeline.operators.boundary;
-    let work = blocks.iter().fold(
-        Work::<PredictionArtifact>::of_stage()
-            .param("features", canonical(&context.pipeline.features.effective()))
-            .param("boundary", boundary.name())
-            .param("k", k.to_string())
-            .input("mesh", &assembled.loaded.digest())
-            .input("operators", &assembled.operators_digest),
-        |work, block| work.input(format!("block {}", block.k), &block.digest),
-    );
+    let work = forward_work(context, &assembled, blocks);
+    let work = if foreign { work.param("reads", canonical(features)) } else { work };
     let recalled = context.recall(item, work.seeded(0, "f32"), || {
         let operators = &assembled.operators;
-        let mesh = &assembled.loaded.ingested.mesh;
-        let input = network_input(training.features(), mesh, operators)
+        let input = network_input(features, &assembled.loaded.ingested.mesh, operators)
             .with_zeros_at(boundary.fixed(&operators.boundary));
         let blocks: Vec<&Block> = blocks.iter().map(|trained| &*trained.block).collect();
         let problem = assembled.problem(boundary)?;
@@ -116,15 +167,25 @@ pub fn predict(
         let zeros = zeros.subcols(0, zeros.ncols().min(k)).to_owned();
         Ok((&predict_all(&zeros, &blocks, &input, &operators.mass)).into())
     })?;
-    models::remember(context, &trained);
-    trained.assembled.loaded.spent("predict", recalled.how, started.elapsed());
-    Ok(Candidates {
-        vectors: recalled.artifact.into(),
-        digest: recalled.digest,
-        origin: Origin::Learned { known, blocks: trained.blocks, chosen: trained.chosen },
-        refinement: None,
-        assembled: trained.assembled,
-    })
+    assembled.loaded.spent("predict", recalled.how, started.elapsed());
+    Ok(Made { assembled, vectors: recalled.artifact.into(), digest: recalled.digest })
+}
+
+/// What functions on the mesh depend on that `blocks` have made.
+pub fn forward_work(
+    context: &Context,
+    assembled: &Assembled,
+    blocks: &[TrainedBlock],
+) -> Work<PredictionArtifact> {
+    blocks.iter().fold(
+        Work::<PredictionArtifact>::of_stage()
+            .param("features", canonical(&context.pipeline.features.effective()))
+            .param("boundary", context.pipeline.operators.boundary.name())
+            .param("k", context.pipeline.train.k.to_string())
+            .input("mesh", &assembled.loaded.digest())
+            .input("operators", &assembled.operators_digest),
+        |work, block| work.input(format!("block {}", block.k), &block.digest),
+    )
 }
 
 /// Predicts the eigenfunctions of the mesh with the model of the run.

@@ -31,6 +31,8 @@ pub struct Context {
     pub cancel: CancellationToken,
     /// The longest that one mesh may take, where there is a limit.
     pub time_limit: Option<Duration>,
+    /// Whether a mesh begins with the blocks of its previous version.
+    pub lineage: bool,
     /// How often a training leaves a checkpoint.
     pub checkpoint_every: Duration,
     /// Where every mesh stands.
@@ -185,6 +187,7 @@ impl Context {
             events: Arc::new(Unheard),
             cancel: CancellationToken::new(),
             time_limit: None,
+            lineage: false,
             checkpoint_every: Duration::MAX,
             board: Board::new(1),
             flights: Flights::default(),

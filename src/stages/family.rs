@@ -91,6 +91,16 @@ impl TrainingSet {
         Self { penalty, seen: OnceLock::new(), finer: OnceLock::new(), ..self }
     }
 
+    /// The same training by a network that reads `features`.
+    pub fn reading(self, features: Features) -> Self {
+        Self {
+            features: OnceLock::from(features),
+            seen: OnceLock::new(),
+            finer: OnceLock::new(),
+            ..self
+        }
+    }
+
     /// How many members there are.
     pub fn members(&self) -> usize {
         self.family.members.len()

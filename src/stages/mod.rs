@@ -1,15 +1,16 @@
 //! The stages of a run, and the run that joins them: thin joints between the numerics, the store and the engine.
 //!
 //! ```text
-//! paths ─► ingest ─► assemble ─┬─► remesh ─► family ─► tune ─► train φ₁ ─► train φ₂ ─► … ─► predict ─► refine ─┬─► verify ─► publish
-//!                              ├─► predict with a given model ───────────────────────────────────────► refine ─┤
-//!                              └─► solve ──────────────────────────────────────────────────────────────────────┘
+//! paths ─► ingest ─► assemble ─┬─► inherit ─► remesh ─► family ─► tune ─► train φ₁ ─► … ─► predict ─► refine ─┬─► verify ─► publish
+//!                              ├─► predict with a given model ──────────────────────────────────────► refine ─┤
+//!                              └─► solve ─────────────────────────────────────────────────────────────────────┘
 //! ```
 //! - [`intake`]: which meshes there are
 //! - [`context`]: what all stages share; recalling a result or computing it
 //! - [`board`]: where every mesh stands
 //! - [`artifacts`]: what the store keeps of each stage
 //! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`tune`], [`train`], [`verify`], [`publish`]: one stage each
+//! - [`lineage`]: which mesh grew from which; [`inherit`]: what becomes of the blocks of a previous version
 //! - [`checkpoints`]: trainings that are not finished
 //! - [`models`]: trained chains of blocks by name
 //! - [`retention`]: which entries of the store are of use
@@ -30,7 +31,9 @@ pub mod context;
 pub mod failure;
 pub mod family;
 pub mod ingest;
+pub mod inherit;
 pub mod intake;
+pub mod lineage;
 pub mod models;
 pub mod predict;
 pub mod publish;

@@ -6,12 +6,15 @@
 //! same, and takes the place of the smaller, where every eigenfunction has a trunk of its own; a shared trunk is another
 //! one for every K.
 
+use std::sync::Arc;
+
 use rkyv::{Archive, Deserialize, Serialize};
 
 use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::context::Context;
-use super::train::InTraining;
+use super::train::{InTraining, TrainedBlock};
+use crate::flow::events::How;
 use crate::ggnn::Model;
 use crate::ggnn::features::Features;
 use crate::ggnn::model::{DeflationRule, Description, ModelFileError, TrainedMesh};
@@ -103,35 +106,65 @@ pub fn list(store: &Store) -> Result<Vec<Listed>, ModelError> {
     entries(store)?.into_iter().map(|entry| listed(store, entry)).collect()
 }
 
+/// A model of the store with its blocks, each with the trunk that it came from.
+#[derive(Debug)]
+pub struct Stored {
+    /// Its name.
+    pub name: String,
+    /// What it was trained on, and how.
+    pub description: Description,
+    /// Its blocks, in the order of their eigenfunctions.
+    pub blocks: Vec<TrainedBlock>,
+}
+
 /// The model called `name`, or the only one whose name begins so; with its whole name.
 ///
 /// # Errors
 /// [`ModelError`].
 pub fn load(store: &Store, name: &str) -> Result<(String, Model), ModelError> {
-    let ModelArtifact { name, description, trunks } = find(store, name)?;
-    let description = parse(&name, &description)?;
-    let mut blocks = Vec::new();
-    for (key, _) in trunks {
-        let Some(trunk) = store.get::<TrunkArtifact>(&CacheKey::from_bytes(key)) else {
-            return Err(ModelError::Incomplete { name, k: description.known + 1 + blocks.len() });
-        };
-        blocks.extend(trunk.artifact.into_blocks());
-    }
+    let Stored { name, description, blocks } = stored(store, find(store, name)?)?;
+    let blocks = blocks.into_iter().map(|trained| Arc::unwrap_or_clone(trained.block)).collect();
     Ok((name, Model { description, blocks }))
 }
 
-/// The entries of all models, their own and those of their trunks.
+/// The model of just this name; `None` where it is not there, or not whole.
+pub fn named(store: &Store, name: &str) -> Option<Stored> {
+    let entry = store.get::<ModelArtifact>(&key_of(name))?.artifact;
+    stored(store, entry).inspect_err(|error| tracing::debug!("{error}")).ok()
+}
+
+fn stored(store: &Store, entry: ModelArtifact) -> Result<Stored, ModelError> {
+    let ModelArtifact { name, description, trunks } = entry;
+    let description = parse(&name, &description)?;
+    let mut blocks = Vec::new();
+    for (key, _) in trunks {
+        let (key, first) = (CacheKey::from_bytes(key), description.known + 1 + blocks.len());
+        let Some(trunk) = store.get::<TrunkArtifact>(&key) else {
+            return Err(ModelError::Incomplete { name, k: first });
+        };
+        let digest = trunk.digest;
+        blocks.extend((first..).zip(trunk.artifact.into_blocks()).map(|(k, block)| {
+            let block = Arc::new(block);
+            TrainedBlock { k, block, key, digest, how: How::Reused, seconds: 0.0 }
+        }));
+    }
+    Ok(Stored { name, description, blocks })
+}
+
+/// The entries of the models that are `wanted` by name, their own and those of their trunks.
 ///
 /// # Errors
 /// When the database cannot be read.
-pub fn keys(store: &Store) -> Result<Vec<CacheKey>, StoreError> {
-    let keys = store.keys_of::<ModelArtifact>()?;
-    let trunks = keys.iter().filter_map(|key| store.get::<ModelArtifact>(key));
-    let trunks: Vec<CacheKey> = trunks
-        .flat_map(|model| model.artifact.trunks)
-        .map(|(key, _)| CacheKey::from_bytes(key))
-        .collect();
-    Ok(keys.into_iter().chain(trunks).collect())
+pub fn keys(store: &Store, wanted: impl Fn(&str) -> bool) -> Result<Vec<CacheKey>, StoreError> {
+    let entries = store.keys_of::<ModelArtifact>()?.into_iter();
+    let entries = entries.filter_map(|key| Some((key, store.get::<ModelArtifact>(&key)?.artifact)));
+    let wanted = entries.filter(|(_, model)| wanted(&model.name));
+    Ok(wanted
+        .flat_map(|(key, model)| {
+            let trunks = model.trunks.into_iter().map(|(key, _)| CacheKey::from_bytes(key));
+            std::iter::once(key).chain(trunks)
+        })
+        .collect())
 }
 
 /// Stores a model under `name`; nothing happens when it is there already.
@@ -160,17 +193,17 @@ pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError
     put(store, name, &model.description, &trunks)
 }
 
-/// Makes a training findable by name. A store that cannot be written costs a warning and nothing else.
-pub fn remember(context: &Context, trained: &InTraining) {
+/// Makes a training findable by name, which is returned. A store that cannot be written costs a warning and nothing else.
+pub fn remember(context: &Context, trained: &InTraining) -> Option<String> {
     let InTraining { assembled, training, blocks, chosen, .. } = trained;
-    let (Some(store), Some(first)) = (&context.store, blocks.first()) else { return };
+    let (store, first) = (context.store.as_ref()?, blocks.first()?);
     let mesh_name = &assembled.loaded.job.name;
     let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(mesh_name)), first.key.to_string());
     let trunks = blocks.chunk_by(|a, b| a.key == b.key);
     let trunks: Vec<_> = trunks.map(|heads| (heads[0].key, heads.len())).collect();
     let kept = store.get::<ModelArtifact>(&key_of(&name));
-    if kept.is_some_and(|kept| kept.artifact.trunks.starts_with(&stored(&trunks))) {
-        return;
+    if kept.is_some_and(|kept| kept.artifact.trunks.starts_with(&as_stored(&trunks))) {
+        return Some(name);
     }
     let features = training.features().clone();
     let description =
@@ -178,6 +211,7 @@ pub fn remember(context: &Context, trained: &InTraining) {
     if let Err(error) = put(store, &name, &description, &trunks) {
         tracing::warn!(name, "the model cannot be found by name: {error}");
     }
+    Some(name)
 }
 
 /// What a training is described by.
@@ -212,14 +246,14 @@ fn put(
         name: name.into(),
         description: serde_json::to_string(description)
             .expect("a description is numbers and names"),
-        trunks: stored(trunks),
+        trunks: as_stored(trunks),
     };
     store.pin(trunks.iter().map(|(key, _)| *key).chain([key_of(name)]));
     store.put(&key_of(name), &artifact, Default::default())?;
     Ok(())
 }
 
-fn stored(trunks: &[(CacheKey, usize)]) -> Vec<([u8; 32], u32)> {
+fn as_stored(trunks: &[(CacheKey, usize)]) -> Vec<([u8; 32], u32)> {
     trunks.iter().map(|(key, heads)| (*key.as_bytes(), *heads as u32)).collect()
 }
 

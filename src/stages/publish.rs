@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::Failure;
-use super::candidates::Origin;
+use super::candidates::{Grown, Origin};
 use super::context::Context;
 use super::ingest::Loaded;
 use super::predict::Predicted;
@@ -22,7 +22,9 @@ use crate::publish::atomic::{remove, write_if_changed};
 use crate::publish::npz::EigenArrays;
 use crate::publish::ply::to_ply;
 use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
-use crate::publish::result::{Eigenpair, MeshSummary, Provenance, Source, Spectrum, Verdict};
+use crate::publish::result::{
+    Eigenpair, Inheritance, MeshSummary, Provenance, Source, Spectrum, Verdict,
+};
 use crate::spectrum::Eigenpairs;
 use crate::spectrum::certificate::PairCertificate;
 use crate::spectrum::cluster::{CLUSTER_GAP, clusters, zero_below};
@@ -181,7 +183,10 @@ pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
         completeness: Some(certificate.completeness.into()),
         quality: Some(assembled.operators.quality.into()),
         repairs: (&assembled.loaded.ingested.repairs).into(),
-        provenance: Provenance::new(parameters(context, train)),
+        provenance: Provenance {
+            grown_from: verified.origin.grown().map(Grown::ancestor),
+            ..Provenance::new(parameters(context, train))
+        },
     }
 }
 
@@ -254,7 +259,11 @@ fn source(origin: &Origin, refined: bool, j: usize) -> Source {
             Source::Constant
         }
         Origin::Learned { .. } | Origin::Predicted { .. } if refined => Source::Refined,
-        Origin::Learned { .. } => Source::Trained,
+        Origin::Learned { grown: Some(Grown { step: Inheritance::AsTheyAre, .. }), .. } => {
+            Source::Predicted
+        }
+        Origin::Learned { grown: Some(_), .. } => Source::Finetuned,
+        Origin::Learned { grown: None, .. } => Source::Trained,
         Origin::Predicted { .. } => Source::Predicted,
         Origin::Fem { reference, .. } if reference.pairs.values[j] == 0.0 => Source::Constant,
         Origin::Fem { .. } => Source::Fem,

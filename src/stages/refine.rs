@@ -98,7 +98,8 @@ pub fn by_rayleigh_ritz(
     let known = multiplicity(&component_labels(mesh), fixed).min(vectors.ncols());
     let zero = zero_below(mesh.area().0);
     let recalled = context.recall(item, work.seeded(0, "f64"), || {
-        let pairs = rayleigh_ritz(pencil, vectors, known, zero).ok_or(Failure::Dependent)?;
+        let projected = |phi: &Dense| pencil.projected(phi);
+        let pairs = rayleigh_ritz(projected, vectors, known, zero).ok_or(Failure::Dependent)?;
         Ok((&pairs, 0).into())
     })?;
     loaded.spent("refine", recalled.how, started.elapsed());

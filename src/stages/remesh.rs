@@ -52,7 +52,7 @@ pub fn remesh(
 }
 
 /// How many eigenfunctions of λ = 0 a mesh has that can have K eigenpairs: found out before anything is made of it.
-fn multiplicity(context: &Context, assembled: &Assembled) -> Result<usize, Failure> {
+pub fn multiplicity(context: &Context, assembled: &Assembled) -> Result<usize, Failure> {
     let problem = assembled.problem(context.pipeline.operators.boundary)?;
     let (n, asked) = (problem.pencil().n(), context.pipeline.train.k);
     if n < asked {

@@ -4,6 +4,7 @@ use super::artifacts::{
     CertificateArtifact, CheckpointArtifact, FamilyArtifact, OperatorsArtifact, PredictionArtifact,
     ReferenceArtifact, RefinementArtifact, SecondOpinionArtifact, TrunkArtifact, TuneArtifact,
 };
+use super::lineage::{self, PathArtifact, VersionArtifact};
 use super::models::{self, ModelArtifact};
 use crate::store::{Kind, Store, StoreError};
 
@@ -21,14 +22,18 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<RefinementArtifact>(),
         Kind::of::<CertificateArtifact>(),
         Kind::of::<ModelArtifact>(),
+        Kind::of::<VersionArtifact>(),
+        Kind::of::<PathArtifact>(),
     ]
 }
 
 /// Keeps models, and the trunks that they need, whatever room the cache has: they may be of use where their meshes are not.
+/// Those of earlier versions of a mesh go like all else.
 ///
 /// # Errors
 /// When the database cannot be read.
 pub fn keep_models(store: &Store) -> Result<(), StoreError> {
-    store.pin(models::keys(store)?);
+    let superseded = lineage::superseded(store)?;
+    store.pin(models::keys(store, |name| !superseded(name))?);
     Ok(())
 }

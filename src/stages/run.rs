@@ -11,6 +11,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::board::{self, Board};
 use super::context::Context;
+use super::inherit::{Way, inherit};
 use super::intake::Job;
 use super::predict::GivenModel;
 use super::{
@@ -43,6 +44,8 @@ pub struct Run {
     pub cancel: CancellationToken,
     /// The longest that one mesh may take, where there is a limit.
     pub time_limit: Option<Duration>,
+    /// Whether a mesh begins with the blocks of its previous version, where it has one.
+    pub lineage: bool,
     /// How often a training leaves a checkpoint: a kill loses no more than that.
     pub checkpoint_every: Duration,
     /// Who hears what was computed and what reused.
@@ -85,6 +88,7 @@ pub async fn run(run: Run) -> io::Result<Ended> {
         events: run.events,
         cancel: cancel.clone(),
         time_limit: run.time_limit,
+        lineage: run.lineage,
         checkpoint_every: run.checkpoint_every,
         board: Board::new(run.jobs.len()),
         flights: Default::default(),
@@ -137,9 +141,10 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     Ok(Ended { report, defect })
 }
 
-/// ingest ─► assemble ─┬─► remesh ─► family ─► tune ─► train φ₁ ─► … ─► train φ_K ─► predict ─► refine ─┬─► verify ─► publish
-///                     ├─► predict with a given model ────────────────────────────────────────► refine ─┤
-///                     └─► solve ───────────────────────────────────────────────────────────────────────┘
+/// ingest ─► assemble ─┬─► inherit ─┬─► remesh ─► family ─► tune ─► train φ₁ ─► … ─► train φ_K ─► predict ─► refine ─► verify ─┬─► publish
+///                     │            └────────────── settled with what its previous version has ──────────────────────────┤
+///                     ├─► predict with a given model ──────────────────────────────────────────────► refine ─► verify ─┤
+///                     └─► solve ─────────────────────────────────────────────────────────────────────────────► verify ─┘
 fn chain(
     context: &Arc<Context>,
     first: Stage<Job, MeshReport, Failure>,
@@ -153,38 +158,51 @@ fn chain(
             ingest::ingest(&ingesting, job)
         })
         .then(move |item, loaded| assemble::assemble(&assembling, item, loaded));
-    let candidates = match context.pipeline.train.method {
+    let verifying = c();
+    let verify = move |item, candidates| verify::verify(&verifying, item, candidates);
+    let verified = match context.pipeline.train.method {
         Method::Fem | Method::Mpgd => {
             let solving = c();
-            assembled.then(move |item, assembled| candidates::solve(&solving, item, assembled))
+            assembled
+                .then(move |item, assembled| candidates::solve(&solving, item, assembled))
+                .then(verify)
         }
         Method::Predict => {
             let (applying, refining) = (c(), c());
             assembled
                 .then(move |item, assembled| candidates::apply(&applying, item, assembled))
                 .then(move |item, candidates| refine::refine(&refining, item, candidates))
+                .then(verify)
         }
         Method::LepDpinn => {
-            let (remeshing, preparing, tuning) = (c(), c(), c());
+            let (inheriting, remeshing, preparing, tuning) = (c(), c(), c(), c());
             let mut training = assembled
-                .then(move |item, assembled| remesh::remesh(&remeshing, item, assembled))
-                .then(move |item, familied| family::prepare(&preparing, item, familied))
-                .then(move |item, prepared| tune::tune(&tuning, item, prepared));
+                .then(move |item, assembled| inherit(&inheriting, item, assembled))
+                .then(open(move |item, mesh| remesh::remesh(&remeshing, item, mesh)))
+                .then(open(move |item, mesh| family::prepare(&preparing, item, mesh)))
+                .then(open(move |item, mesh| tune::tune(&tuning, item, mesh)));
             for k in 1..=context.pipeline.train.k {
                 let trainer = c();
-                training = training.then(move |item, state| train::train(&trainer, item, k, state));
+                training =
+                    training.then(open(move |item, state| train::train(&trainer, item, k, state)));
             }
             let (predicting, refining) = (c(), c());
             training
-                .then(move |item, trained| candidates::predict(&predicting, item, trained))
-                .then(move |item, candidates| refine::refine(&refining, item, candidates))
+                .then(open(move |item, trained| candidates::predict(&predicting, item, trained)))
+                .then(open(move |item, made| refine::refine(&refining, item, made)))
+                .then(open(verify))
+                .then(|_, way| Ok(way.arrived()))
         }
     };
-    let (verifying, publishing) = (c(), c());
-    candidates
-        .then(move |item, candidates| verify::verify(&verifying, item, candidates))
-        .then(move |_, verified| publish::publish(&publishing, verified))
-        .end()
+    let publishing = c();
+    verified.then(move |_, verified| publish::publish(&publishing, verified)).end()
+}
+
+/// A stage of training, which meshes go through untouched that are settled without one.
+fn open<T, U>(
+    work: impl Fn(usize, T) -> Result<U, Failure>,
+) -> impl Fn(usize, Way<T>) -> Result<Way<U>, Failure> {
+    move |item, way| way.and_then(|load| work(item, load))
 }
 
 /// Lets jobs in as earlier ones finish, and again those that are to be tried again.

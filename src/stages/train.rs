@@ -13,6 +13,7 @@ use super::assemble::Assembled;
 use super::checkpoints::{self, Checkpoints};
 use super::context::{Context, Stop, Work, canonical};
 use super::family::{Prepared, Seen, TrainingSet};
+use super::lineage::Parent;
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::checkpoint::Checkpoint;
@@ -21,7 +22,7 @@ use crate::ggnn::heads::solve_heads;
 use crate::ggnn::paper::{self, train_block};
 use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::{Sample, append_predictions};
-use crate::ggnn::train::{Observer, TrainError, train_blocks, trunk_seed};
+use crate::ggnn::train::{Observer, TrainError, train_blocks, train_blocks_from, trunk_seed};
 use crate::operators::Boundary;
 use crate::pipeline::Train;
 use crate::spectrum::Dense;
@@ -47,6 +48,8 @@ pub struct InTraining {
     pub blocks: Vec<TrainedBlock>,
     /// The options that it is trained by.
     pub chosen: Arc<Chosen>,
+    /// The model that training goes on from, where it does not begin from nothing.
+    parent: Option<Arc<Parent>>,
     /// The eigenfunctions so far on every member: as many as training has needed; none before the first training.
     earlier: Vec<Dense>,
 }
@@ -73,7 +76,20 @@ impl InTraining {
     pub fn new(prepared: Prepared, chosen: Chosen) -> Self {
         let Prepared { assembled, training } = prepared;
         let (training, chosen) = (Arc::new(training), Arc::new(chosen));
-        Self { assembled, training, blocks: Vec::new(), chosen, earlier: Vec::new() }
+        let (blocks, earlier) = (Vec::new(), Vec::new());
+        Self { assembled, training, blocks, chosen, parent: None, earlier }
+    }
+
+    /// The same, going on from the blocks of `parent`.
+    pub fn from(self, parent: Arc<Parent>) -> Self {
+        Self { parent: Some(parent), ..self }
+    }
+
+    /// The parent's block for φ_k, whose trunk a training of this recipe can go on from.
+    fn parent_of(&self, k: usize, recipe: &Recipe) -> Option<&TrainedBlock> {
+        let Recipe::Ritz(Ritz { shape, .. }) = recipe else { return None };
+        let blocks = &self.parent.as_ref()?.blocks;
+        blocks.iter().find(|parent| parent.k == k && parent.block.shape == *shape)
     }
 
     /// How many eigenfunctions need no block: those of λ = 0.
@@ -104,6 +120,12 @@ pub fn train(
     let chosen = state.chosen.clone();
     let options = &chosen.train;
     let recipe = options.recipe(context.pipeline.features.inputs());
+    let recipe = match recipe {
+        Recipe::Ritz(ritz) if state.parent_of(k, &recipe).is_some() => {
+            Recipe::Ritz(ritz.continued(options.fine_tune))
+        }
+        recipe => recipe,
+    };
     let wanted = match options.trunk {
         Trunks::PerEigenfunction => k..=k,
         Trunks::Shared => k..=options.k,
@@ -145,7 +167,13 @@ fn work(
         .param("recipe", canonical(recipe))
         .param("penalty", canonical(&penalty(context, train)))
         .param("head subdivisions", train.head_subdivisions.to_string());
-    let work = of_family(work, context, &state.assembled, &state.training, train);
+    let mut work = of_family(work, context, &state.assembled, &state.training, train);
+    if state.parent.is_some() {
+        work = work.param("reads", canonical(state.training.features()));
+    }
+    if let Some(parent) = state.parent_of(*wanted.start(), recipe) {
+        work = work.input("parent", &parent.digest);
+    }
     match train.trunk {
         Trunks::PerEigenfunction => {
             let earlier = state.blocks.iter();
@@ -211,6 +239,7 @@ fn trained(
     let new: Vec<&Block> = state.blocks[predicted..].iter().map(|new| &*new.block).collect();
     append_predictions(members, &new, &mut state.earlier);
     let seed = trunk_seed(state.chosen.train.seed, *wanted.start());
+    let start = state.parent_of(*wanted.start(), recipe).map(|parent| parent.block.trunk());
     let blocks = match recipe {
         Recipe::Ritz(recipe) => {
             let heads = wanted.clone().count();
@@ -218,7 +247,11 @@ fn trained(
             let samples = Sample::all(members, &state.earlier);
             let held_out = recipe.held_out_of(samples.len());
             let finer = state.training.finer()?;
-            train_blocks(samples, recipe, heads, seed, &progress).and_then(|blocks| match finer {
+            let trained = match start {
+                None => train_blocks(samples, recipe, heads, seed, &progress),
+                Some(trunk) => train_blocks_from(trunk, samples, recipe, heads, seed, &progress),
+            };
+            trained.and_then(|blocks| match finer {
                 None => Ok(blocks),
                 Some(finer) => heads_on(finer, held_out, &blocks, recipe),
             })

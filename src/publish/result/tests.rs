@@ -67,6 +67,7 @@ pub fn spectrum() -> Spectrum {
         provenance: Provenance {
             chladni: "0.1.0".to_owned(),
             parameters: json!({ "train": { "k": 2 } }),
+            grown_from: None,
         },
     }
 }

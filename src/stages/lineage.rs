@@ -1,0 +1,173 @@
+//! What a mesh can begin with: the blocks of its previous version, and which mesh grew from which.
+//!
+//! Kept are, for every path, the content that it had last, and, for every content, the model that its eigenfunctions come
+//! from with the one that this grew from, if any. Both only for the very same options: blocks that were trained otherwise are no
+//! version of these. So
+//! - a content that was seen before, wherever, ends as it did before: from the same parent, or from none;
+//! - a content that is new at a path begins with the model of the content that was there last;
+//! - without lineage nothing of this is looked at, and all of it is written: later runs can begin with what was trained.
+
+use std::sync::Arc;
+
+use rkyv::{Archive, Deserialize, Serialize};
+
+use super::context::{Context, canonical};
+use super::ingest::Loaded;
+use super::models::{self, Stored};
+use super::train::TrainedBlock;
+use crate::ggnn::features::Features;
+use crate::ggnn::model::Description;
+use crate::ggnn::recipe::Trunks;
+use crate::mesh::MeshHash;
+use crate::pipeline::{Method, Pipeline, Refine, Train};
+use crate::store::{Artifact, CacheKey, KeyBuilder, Store, StoreError};
+
+/// Where the eigenfunctions of one content come from.
+#[derive(Debug, Clone, PartialEq, Eq, Archive, Serialize, Deserialize)]
+pub struct VersionArtifact {
+    /// The model that predicts them.
+    model: String,
+    /// The model that this grew from, or that is itself an earlier version's; none for one that was trained from nothing.
+    parent: Option<String>,
+}
+
+impl Artifact for VersionArtifact {
+    const STAGE: &'static str = "version";
+    const VERSION: u32 = 1;
+    const SCHEMA: u32 = 1;
+}
+
+/// The content that a path had last.
+#[derive(Debug, Clone, PartialEq, Eq, Archive, Serialize, Deserialize)]
+pub struct PathArtifact {
+    /// The key of its version.
+    version: [u8; 32],
+}
+
+impl Artifact for PathArtifact {
+    const STAGE: &'static str = "path";
+    const VERSION: u32 = 1;
+    const SCHEMA: u32 = 1;
+}
+
+/// The model of a previous version.
+#[derive(Debug, Clone)]
+pub struct Parent {
+    /// Its name in the store.
+    pub name: String,
+    /// What it was trained on, and how.
+    pub description: Description,
+    /// Its blocks, in the order of their eigenfunctions.
+    pub blocks: Vec<TrainedBlock>,
+    /// The options that it was trained by, K and all that is done with learned functions as this run has it.
+    pub train: Train,
+}
+
+impl Parent {
+    /// The mesh that its blocks were trained for.
+    pub fn mesh(&self) -> MeshHash {
+        self.description.mesh.hash
+    }
+
+    /// What its network reads of a mesh of the shape, where that lies.
+    pub fn features(&self, loaded: &Loaded) -> Features {
+        self.description.features.near(&loaded.ingested.mesh).into_owned()
+    }
+
+    /// The blocks of φ_{c+1} … φ_K, if it has them all.
+    pub fn blocks_to(&self, k: usize) -> Option<&[TrainedBlock]> {
+        self.blocks.get(..k.saturating_sub(self.description.known))
+    }
+}
+
+/// The model that the mesh is to begin with, where it has one.
+pub fn parent(context: &Context, loaded: &Loaded) -> Option<Arc<Parent>> {
+    let store = context.store.as_ref().filter(|_| context.lineage)?;
+    let name = match store.get::<VersionArtifact>(&version_key(&context.pipeline, loaded.hash)) {
+        Some(version) => version.artifact.parent?,
+        None => {
+            let last = store.get::<PathArtifact>(&path_key(&context.pipeline, loaded)?)?;
+            let version = CacheKey::from_bytes(last.artifact.version);
+            store.get::<VersionArtifact>(&version)?.artifact.model
+        }
+    };
+    let Stored { name, description, blocks } = models::named(store, &name)?;
+    let trained: Train = serde_json::from_value(description.parameters["train"].clone()).ok()?;
+    let Train { k, refine, .. } = context.pipeline.train;
+    let train = Train { k, refine, ..trained };
+    Some(Arc::new(Parent { name, description, blocks, train }))
+}
+
+/// Takes note that the eigenfunctions of a mesh come from `model`, which grew from `parent`. A store that cannot be written costs
+/// a warning and nothing else.
+pub fn record(context: &Context, loaded: &Loaded, model: &str, parent: Option<&Parent>) {
+    let Some(store) = &context.store else { return };
+    let version =
+        VersionArtifact { model: model.into(), parent: parent.map(|parent| parent.name.clone()) };
+    let key = version_key(&context.pipeline, loaded.hash);
+    let path = path_key(&context.pipeline, loaded);
+    let last = PathArtifact { version: *key.as_bytes() };
+    let noted = put(store, &key, &version)
+        .and_then(|()| path.map_or(Ok(()), |path| put(store, &path, &last)));
+    if let Err(error) = noted {
+        let mesh = &loaded.job.name;
+        tracing::warn!("the next version of {mesh} will be trained from nothing: {error}");
+    }
+}
+
+/// Stores what is not stored yet.
+fn put<A: Artifact + PartialEq>(
+    store: &Store,
+    key: &CacheKey,
+    artifact: &A,
+) -> Result<(), StoreError> {
+    if store.get::<A>(key).is_some_and(|there| there.artifact == *artifact) {
+        return Ok(());
+    }
+    store.put(key, artifact, Default::default()).map(drop)
+}
+
+/// Whether a model is to stay whatever room there is: not when it is one that some path has gone on from, and no path is at
+/// any more.
+///
+/// # Errors
+/// When the database cannot be read.
+pub fn superseded(store: &Store) -> Result<impl Fn(&str) -> bool, StoreError> {
+    use std::collections::HashSet;
+    let models = |keys: Vec<CacheKey>| -> HashSet<String> {
+        let versions = keys.iter().filter_map(|key| store.get::<VersionArtifact>(key));
+        versions.map(|version| version.artifact.model).collect()
+    };
+    let paths = store.keys_of::<PathArtifact>()?;
+    let last = paths.iter().filter_map(|key| store.get::<PathArtifact>(key));
+    let current = models(last.map(|p| CacheKey::from_bytes(p.artifact.version)).collect());
+    let all = models(store.keys_of::<VersionArtifact>()?);
+    Ok(move |name: &str| all.contains(name) && !current.contains(name))
+}
+
+fn version_key(pipeline: &Pipeline, hash: MeshHash) -> CacheKey {
+    under(VersionArtifact::key(), pipeline).param("mesh", hash.as_bytes()).finish(0, "")
+}
+
+/// `None` for a file that is gone.
+fn path_key(pipeline: &Pipeline, loaded: &Loaded) -> Option<CacheKey> {
+    let path = loaded.job.source.canonicalize().ok()?;
+    let key = under(PathArtifact::key(), pipeline);
+    Some(key.param("path", path.as_os_str().as_encoded_bytes()).finish(0, ""))
+}
+
+/// What blocks depend on besides the mesh: with trunks of their own not on K.
+fn under(key: KeyBuilder, pipeline: &Pipeline) -> KeyBuilder {
+    let Pipeline { input: _, family, operators, features, train, verify: _, publish: _ } = pipeline;
+    let train = Train {
+        method: Method::LepDpinn,
+        model: String::new(),
+        refine: Refine::None,
+        k: if train.trunk == Trunks::Shared { train.k } else { 0 },
+        ..train.clone()
+    };
+    key.param("family", canonical(family))
+        .param("operators", canonical(operators))
+        .param("features", canonical(&features.effective()))
+        .param("train", canonical(&train))
+}
