@@ -2,10 +2,12 @@
 //!
 //! - [`exit`]: the exit codes, which are part of the contract
 //! - [`logging`]: what goes to stderr
-//! - `run`, `status`, `solve`, `predict`, `model`, `info`, `cache`: the commands
+//! - [`task`]: what `run` and `explain` are asked to do
+//! - `run`, `explain`, `status`, `solve`, `predict`, `model`, `info`, `cache`: the commands
 
 mod cache;
 pub mod exit;
+mod explain;
 mod info;
 mod logging;
 mod model;
@@ -13,6 +15,7 @@ mod predict;
 mod run;
 mod solve;
 mod status;
+mod task;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -34,6 +37,8 @@ struct Cli {
 enum Command {
     /// Run a pipeline: train, predict and verify the eigenpairs of its meshes
     Run(run::Arguments),
+    /// Say what a run would compute and what it would reuse, and which option or content has changed since the last one
+    Explain(explain::Arguments),
     /// Say how far a run is: meshes done, under way, waiting and failed
     Status(status::Arguments),
     /// Solve for the eigenpairs of one mesh, and certify them
@@ -86,6 +91,7 @@ pub fn main() -> ExitCode {
     logging::start();
     let exit = match cli.command {
         Command::Run(arguments) => run::execute(arguments),
+        Command::Explain(arguments) => explain::execute(&arguments),
         Command::Status(arguments) => status::execute(&arguments),
         Command::Solve(arguments) => solve::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),

@@ -227,7 +227,7 @@ fn published(
         Pairs::Predicted(predicted) => {
             let spectrum = publish::predicted_spectrum(context, &predicted);
             let report = if write {
-                publish::publish_predicted(context, *predicted)
+                publish::publish_predicted(context, 0, *predicted)
             } else {
                 Ok(publish::unwritten_predicted(&spectrum, *predicted))
             };
@@ -236,7 +236,7 @@ fn published(
         Pairs::Verified(verified) => {
             let spectrum = publish::spectrum(context, &verified);
             let report = if write {
-                publish::publish(context, *verified)
+                publish::publish(context, 0, *verified)
             } else {
                 Ok(publish::unwritten(&spectrum, *verified))
             };

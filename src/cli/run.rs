@@ -1,21 +1,18 @@
 //! `chladni run PIPELINE.toml`.
 
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
-use super::model::given_by_name;
-use super::{CacheLimit, CacheLocation, Format, Refusal, cache, print, print_json};
+use super::task::{Switch, Task, given_model};
+use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json};
 use crate::flow::events::EventFile;
-use crate::ggnn::Model;
-use crate::pipeline::{Method, Pipeline, Train, is_model_file};
+use crate::pipeline::Pipeline;
 use crate::publish::report::{MeshReport, Status};
 use crate::publish::table::run_table;
-use crate::stages::predict::GivenModel;
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::{intake, retention};
 use crate::store::Store;
@@ -23,21 +20,13 @@ use crate::store::Store;
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::HELP)]
 pub struct Arguments {
-    /// The pipeline file
-    pipeline: PathBuf,
-    /// Meshes or folders, in place of the pipeline's own
-    #[arg(long, value_name = "PATH")]
-    input: Vec<PathBuf>,
-    /// Where results go: one folder a mesh
-    #[arg(long, value_name = "DIR", default_value = "out")]
-    out: PathBuf,
     #[command(flatten)]
-    cache: CacheLocation,
+    task: Task,
+    /// Only say what would be computed, and which option or content has changed since the last run
+    #[arg(long)]
+    dry_run: bool,
     #[command(flatten)]
     limit: CacheLimit,
-    /// Lay an option over the pipeline's, for example train.k=10
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
     /// Worker threads, and meshes under way at once [default: one a core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
@@ -50,15 +39,6 @@ pub struct Arguments {
     /// Seconds between two checkpoints of a training: a kill loses no more
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds)]
     checkpoint: f64,
-    /// Whether a mesh that has changed begins with the blocks of its previous version; `off`: as if there had been none
-    #[arg(
-        long,
-        value_enum,
-        default_value = "on",
-        value_name = "on|off",
-        hide_possible_values = true
-    )]
-    lineage: Switch,
     /// Go on with the other meshes when one fails (the default)
     #[arg(long, overrides_with = "fail_fast")]
     keep_going: bool,
@@ -70,13 +50,6 @@ pub struct Arguments {
     format: Format,
 }
 
-/// `on` or `off`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Switch {
-    On,
-    Off,
-}
-
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..1e9).contains(&seconds) => Ok(seconds),
@@ -85,15 +58,17 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 pub fn execute(arguments: Arguments) -> Result<Exit, Refusal> {
-    let pipeline = Pipeline::load(&arguments.pipeline, &arguments.set).map_err(Refusal::usage)?;
-    let inputs = if arguments.input.is_empty() { &pipeline.input.paths } else { &arguments.input };
-    let jobs = intake::jobs(inputs).map_err(Refusal::usage)?;
-    std::fs::create_dir_all(&arguments.out)
-        .and_then(|()| EventFile::append(&arguments.out.join("events.jsonl")))
+    let (pipeline, jobs) = arguments.task.read()?;
+    if arguments.dry_run {
+        return explain::show(&arguments.task, pipeline, jobs, arguments.format, false);
+    }
+    let out = &arguments.task.out;
+    std::fs::create_dir_all(out)
+        .and_then(|()| EventFile::append(&out.join("events.jsonl")))
         .map_err(|error| {
             Refusal::usage(format!(
                 "{}: results cannot be written there ({error}); choose another folder with --out",
-                arguments.out.display()
+                out.display()
             ))
         })
         .and_then(|events| start(&arguments, pipeline, jobs, events))
@@ -105,24 +80,24 @@ fn start(
     jobs: Vec<intake::Job>,
     events: EventFile,
 ) -> Result<Exit, Refusal> {
-    let store = Store::open(&arguments.cache.dir).map_err(cache::refusal)?;
+    let store = Store::open(&arguments.task.cache.dir).map_err(cache::refusal)?;
     retention::keep_models(&store)
         .and_then(|()| store.limit(arguments.limit.size.as_u64()))
         .map_err(cache::refusal)?;
-    let model = given_model(&pipeline, &store)?;
+    let model = given_model(&pipeline, Some(&store))?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let cancel = CancellationToken::new();
     let request = Run {
         pipeline,
         model,
         jobs,
-        out: arguments.out.clone(),
+        out: arguments.task.out.clone(),
         store: Some(store),
         workers: arguments.jobs.unwrap_or_else(cores),
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
         retries: arguments.retries,
-        lineage: arguments.lineage == Switch::On,
+        lineage: arguments.task.lineage == Switch::On,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
         events: Arc::new(events),
@@ -149,23 +124,6 @@ fn start(
             .chain(defect.then_some(Exit::Internal))
             .chain(cancel.is_cancelled().then_some(Exit::Interrupted)),
     ))
-}
-
-/// The model of `train.method = "predict"`.
-fn given_model(pipeline: &Pipeline, store: &Store) -> Result<Option<Arc<GivenModel>>, Refusal> {
-    let Train { method, model, k, .. } = &pipeline.train;
-    let boundary = pipeline.operators.boundary;
-    if *method != Method::Predict {
-        return Ok(None);
-    }
-    let given = if is_model_file(model) {
-        GivenModel::new(model.clone(), Model::load(model.as_ref()).map_err(Refusal::usage)?)
-    } else {
-        given_by_name(model, store)?
-    };
-    given.model.check_count(*k).map_err(Refusal::usage)?;
-    given.model.check_boundary(boundary).map_err(Refusal::usage)?;
-    Ok(Some(given))
 }
 
 fn exit_of(mesh: &MeshReport) -> Exit {

@@ -130,7 +130,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let spectrum = publish::spectrum(&context, &verified);
     let path = arguments.mesh.display().to_string();
     let mut report = if arguments.out.is_some() {
-        publish::publish(&context, verified).map_err(Refusal::usage)?
+        publish::publish(&context, 0, verified).map_err(Refusal::usage)?
     } else {
         publish::unwritten(&spectrum, verified)
     };

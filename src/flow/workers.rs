@@ -60,10 +60,10 @@ impl Workers {
         let (reply, answer) = oneshot::channel();
         let span = tracing::Span::current();
         let task: Task = Box::new(move || {
-            let result = span.in_scope(|| catch_unwind(AssertUnwindSafe(work)));
+            let result = span.in_scope(|| contained(work));
             drop(slot);
             // Nobody waits any more when the run was abandoned; the result is dropped then.
-            let _ = reply.send(result.map_err(|panic| Panicked { message: message_of(&*panic) }));
+            let _ = reply.send(result);
         });
         self.tasks
             .as_ref()
@@ -82,6 +82,14 @@ impl Drop for Workers {
             let _ = thread.join();
         }
     }
+}
+
+/// Does `work`. A panic in it is caught.
+///
+/// # Errors
+/// [`Panicked`].
+pub fn contained<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| Panicked { message: message_of(&*panic) })
 }
 
 fn message_of(panic: &(dyn Any + Send)) -> String {

@@ -18,6 +18,14 @@ pub enum Recipe {
 }
 
 impl Recipe {
+    /// The sizes and functions of the trunk.
+    pub fn shape(&self) -> TrunkShape {
+        match self {
+            Self::Ritz(ritz) => ritz.shape,
+            Self::Paper(paper) => paper.shape,
+        }
+    }
+
     /// How often an observer of the training hears of its progress.
     pub fn reports(&self) -> usize {
         match self {

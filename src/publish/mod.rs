@@ -5,6 +5,7 @@
 //! - [`json`]: these documents as bytes
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
+//! - [`plan`]: what a run would do, and why
 //! - [`status`]: how far a run is, for other processes
 //! - [`table`]: a run for the terminal
 //! - [`atomic`]: bytes into files that are whole at any time
@@ -12,6 +13,7 @@
 pub mod atomic;
 pub mod json;
 pub mod npz;
+pub mod plan;
 pub mod ply;
 pub mod report;
 pub mod result;

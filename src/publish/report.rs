@@ -2,6 +2,8 @@
 //!
 //! Here are the times and what the cache gave, which `spectrum.json` leaves out.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::json::{document, null_is_nan};
@@ -33,6 +35,9 @@ pub struct RunRecord {
     /// From the first stage to the last.
     #[serde(deserialize_with = "null_is_nan")]
     pub seconds: f64,
+    /// Every piece of work with what it depended on: what a later run is compared with.
+    #[serde(default)]
+    pub work: Vec<WorkRecord>,
 }
 
 impl RunRecord {
@@ -52,6 +57,20 @@ pub struct StageRecord {
     /// How long it took.
     #[serde(deserialize_with = "null_is_nan")]
     pub seconds: f64,
+}
+
+/// A piece of work that has a place in the cache.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WorkRecord {
+    /// Its stage, as keys name it.
+    pub stage: String,
+    /// Which of several (the eigenfunction, for training), counted from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<usize>,
+    /// Whether its result came from the store.
+    pub cached: bool,
+    /// What its key is made of: parameters as they are, contents by the beginning of a hash.
+    pub fields: BTreeMap<String, serde_json::Value>,
 }
 
 /// The work for one eigenpair.

@@ -156,6 +156,7 @@ mod tests {
     use crate::mesh::sample::icosphere;
     use crate::mesh::topology::component_labels;
     use crate::operators::{Boundary, MassKind, Operators};
+    use crate::spectrum::TrianglePencil;
 
     fn posed<T>(
         mesh: &TriMesh,

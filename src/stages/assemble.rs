@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::Failure;
 use super::artifacts::OperatorsArtifact;
-use super::context::{Context, Recalled, Work};
+use super::context::{Context, Recalled};
 use super::ingest::Loaded;
+use super::work::Work;
 use crate::mesh::TriMesh;
 use crate::mesh::topology::component_labels;
 use crate::operators::{Boundary, Operators};

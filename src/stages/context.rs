@@ -1,9 +1,8 @@
 //! What all stages of a run share, and how a stage's result is recalled from the store or computed.
 
-use std::collections::HashMap;
-use std::marker::PhantomData;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio_util::sync::CancellationToken;
@@ -11,9 +10,11 @@ use tokio_util::sync::CancellationToken;
 use super::Failure;
 use super::board::Board;
 use super::predict::GivenModel;
+use super::work::Keyed;
 use crate::flow::events::{Event, EventSink, How, Unheard};
 use crate::pipeline::Pipeline;
-use crate::store::{self, Artifact, CacheKey, Digest, KeyBuilder, Store};
+use crate::publish::report::WorkRecord;
+use crate::store::{self, Artifact, CacheKey, Digest, Store};
 
 /// What every stage of a run can see.
 pub struct Context {
@@ -37,8 +38,47 @@ pub struct Context {
     pub checkpoint_every: Duration,
     /// Where every mesh stands.
     pub board: Board,
+    /// What the work on every mesh has depended on.
+    pub ledger: Ledger,
+    /// Where nothing is to be done but to find out what would be: what would have been done so far.
+    pub planned: Option<Planned>,
     /// One lock for every key that is being computed.
     pub flights: Flights,
+}
+
+/// The work on every mesh that is under way, in its order.
+#[derive(Debug, Default)]
+pub struct Ledger {
+    work: Mutex<HashMap<usize, Vec<WorkRecord>>>,
+}
+
+impl Ledger {
+    fn note(&self, item: usize, record: WorkRecord) {
+        self.all().entry(item).or_default().push(record);
+    }
+
+    /// The work on a mesh, which is forgotten here.
+    pub fn take(&self, item: usize) -> Vec<WorkRecord> {
+        self.all().remove(&item).unwrap_or_default()
+    }
+
+    fn all(&self) -> MutexGuard<'_, HashMap<usize, Vec<WorkRecord>>> {
+        self.work.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The keys whose results a run would have computed by now.
+#[derive(Debug, Default)]
+pub struct Planned {
+    keys: Mutex<HashSet<CacheKey>>,
+}
+
+impl Planned {
+    /// Whether a run would compute this now, or have it: from the store, or from earlier in the run.
+    fn how(&self, key: &CacheKey, is_stored: bool) -> How {
+        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        if is_stored || !keys.insert(*key) { How::Reused } else { How::Computed }
+    }
 }
 
 /// Keeps two workers from computing the same key at the same time: the second waits, and finds it in the store.
@@ -78,67 +118,14 @@ pub struct Recalled<A> {
     pub how: How,
     /// How long that took in this run.
     pub spent: Duration,
+    /// It is not the result, which a plan does not compute.
+    pub stands_in: bool,
 }
 
-/// A piece of work: everything its result depends on, as a cache key and for the record.
-pub struct Work<A> {
-    key: KeyBuilder,
-    inputs: Vec<(String, Digest)>,
-    part: Option<usize>,
-    artifact: PhantomData<A>,
-}
-
-impl<A: Artifact> Work<A> {
-    /// Work of the stage that makes `A`.
-    pub fn of_stage() -> Self {
-        Self { key: A::key(), inputs: Vec::new(), part: None, artifact: PhantomData }
-    }
-
-    /// Work number `part` of the stage.
-    pub fn part(mut self, part: usize) -> Self {
-        self.key = self.key.param("part", part.to_string());
-        self.part = Some(part);
-        self
-    }
-
-    /// It depends on a parameter.
-    pub fn param(mut self, name: &str, value: impl AsRef<[u8]>) -> Self {
-        self.key = self.key.param(name, value);
-        self
-    }
-
-    /// It depends on some content.
-    pub fn input(mut self, role: impl Into<String>, content: &Digest) -> Self {
-        let role = role.into();
-        self.key = self.key.input(&role, content);
-        self.inputs.push((role, *content));
-        self
-    }
-
-    /// It depends on a seed and on the precision it is done in; this completes the key.
-    pub fn seeded(self, seed: u64, precision: &str) -> Keyed<A> {
-        Keyed {
-            key: self.key.finish(seed, precision),
-            inputs: self.inputs,
-            part: self.part,
-            artifact: PhantomData,
-        }
-    }
-}
-
-/// Options as the bytes that stand for them in a key.
-///
-/// # Panics
-/// When they are no JSON, which options made of numbers and names always are: an empty text instead would make
-/// keys collide.
-pub fn canonical(options: &impl serde::Serialize) -> Vec<u8> {
-    serde_json::to_vec(options).expect("options are numbers and names")
-}
-
-impl<A> Keyed<A> {
-    /// Where the store has its result, once there is one.
-    pub fn key(&self) -> &CacheKey {
-        &self.key
+impl<A: Artifact> Recalled<A> {
+    fn new(artifact: A, work: &Keyed<A>, digest: Digest, how: How, started: Instant) -> Self {
+        let (key, spent) = (*work.key(), started.elapsed());
+        Self { artifact, key, digest, how, spent, stands_in: false }
     }
 }
 
@@ -168,12 +155,11 @@ impl Stop<'_> {
     }
 }
 
-/// Work with its key.
-pub struct Keyed<A> {
-    key: CacheKey,
-    inputs: Vec<(String, Digest)>,
-    part: Option<usize>,
-    artifact: PhantomData<A>,
+/// What a plan takes for a result that the store does not have.
+struct Planning<A> {
+    artifact: A,
+    digest: Digest,
+    stands_in: bool,
 }
 
 impl Context {
@@ -190,11 +176,14 @@ impl Context {
             lineage: false,
             checkpoint_every: Duration::MAX,
             board: Board::new(1),
+            ledger: Ledger::default(),
+            planned: None,
             flights: Flights::default(),
         }
     }
 
-    /// The result of `work` for item `item`: from the store, or from `compute`, whose result is then stored.
+    /// The result of `work` for item `item`: from the store, or from `compute`, whose result is then stored. For work that is
+    /// quick: a plan does it too, and stores nothing.
     ///
     /// A store that cannot be written costs a warning and nothing else.
     ///
@@ -206,41 +195,95 @@ impl Context {
         work: Keyed<A>,
         compute: impl FnOnce() -> Result<A, Failure>,
     ) -> Result<Recalled<A>, Failure> {
-        self.board.enters(item, A::STAGE, work.part);
-        let recalled = self.flights.alone(work.key, || self.find_or(item, &work.key, compute))?;
-        let hex = |(role, digest): (String, Digest)| (role, digest.to_string());
+        let Some(planned) = &self.planned else { return self.recall_or_do(item, work, compute) };
+        self.plan(item, &work, planned, || {
+            let artifact = compute()?;
+            let digest = store::digest(&artifact)?;
+            Ok(Planning { artifact, digest, stands_in: false })
+        })
+    }
+
+    /// The same for work that takes long. A plan does not do it: what is not in the store has a `stand_in`, and a digest that
+    /// no work has.
+    ///
+    /// # Errors
+    /// As [`Self::recall`].
+    pub fn recall_costly<A: Artifact>(
+        &self,
+        item: usize,
+        work: Keyed<A>,
+        stand_in: impl FnOnce() -> A,
+        compute: impl FnOnce() -> Result<A, Failure>,
+    ) -> Result<Recalled<A>, Failure> {
+        let Some(planned) = &self.planned else { return self.recall_or_do(item, work, compute) };
+        self.plan(item, &work, planned, || {
+            let digest =
+                Digest::of(&[b"the result of ", work.key().as_bytes().as_slice()].concat());
+            Ok(Planning { artifact: stand_in(), digest, stands_in: true })
+        })
+    }
+
+    /// What the store has of `work`, or what stands for it.
+    fn plan<A: Artifact>(
+        &self,
+        item: usize,
+        work: &Keyed<A>,
+        planned: &Planned,
+        otherwise: impl FnOnce() -> Result<Planning<A>, Failure>,
+    ) -> Result<Recalled<A>, Failure> {
+        let started = Instant::now();
+        let found = self.find(work, started);
+        let how = planned.how(work.key(), found.is_some());
+        self.ledger.note(item, work.record(how == How::Reused));
+        match found {
+            Some(found) => Ok(found),
+            None => {
+                let Planning { artifact, digest, stands_in } = otherwise()?;
+                let recalled = Recalled::new(artifact, work, digest, how, started);
+                Ok(Recalled { stands_in, ..recalled })
+            }
+        }
+    }
+
+    fn recall_or_do<A: Artifact>(
+        &self,
+        item: usize,
+        work: Keyed<A>,
+        compute: impl FnOnce() -> Result<A, Failure>,
+    ) -> Result<Recalled<A>, Failure> {
+        self.board.enters(item, A::STAGE, work.part());
+        let recalled = self.flights.alone(*work.key(), || {
+            let started = Instant::now();
+            if let Some(found) = self.find(&work, started) {
+                return Ok(found);
+            }
+            self.stop(item).check()?;
+            let artifact = compute()?;
+            let digest = self.keep(work.key(), &artifact, started.elapsed())?;
+            Ok::<_, Failure>(Recalled::new(artifact, &work, digest, How::Computed, started))
+        })?;
+        let hex = |(role, digest): &(String, Digest)| (role.clone(), digest.to_string());
         self.events.record(&Event {
             item,
             stage: A::STAGE.to_string(),
-            part: work.part,
-            key: work.key.to_string(),
-            inputs: work.inputs.into_iter().map(hex).collect(),
+            part: work.part(),
+            key: work.key().to_string(),
+            inputs: work.inputs().iter().map(hex).collect(),
             output: recalled.digest.to_string(),
             how: recalled.how,
         });
+        self.ledger.note(item, work.record(recalled.how == How::Reused));
         Ok(recalled)
     }
 
-    fn find_or<A: Artifact>(
-        &self,
-        item: usize,
-        key: &CacheKey,
-        compute: impl FnOnce() -> Result<A, Failure>,
-    ) -> Result<Recalled<A>, Failure> {
-        let started = Instant::now();
-        if let Some(cached) = self.store.as_ref().and_then(|store| store.get::<A>(key)) {
-            return Ok(Recalled {
-                artifact: cached.artifact,
-                key: *key,
-                digest: cached.digest,
-                how: How::Reused,
-                spent: started.elapsed(),
-            });
-        }
-        self.stop(item).check()?;
-        let artifact = compute()?;
-        let digest = self.keep(key, &artifact, started.elapsed())?;
-        Ok(Recalled { artifact, key: *key, digest, how: How::Computed, spent: started.elapsed() })
+    fn find<A: Artifact>(&self, work: &Keyed<A>, started: Instant) -> Option<Recalled<A>> {
+        let cached = self.store.as_ref()?.get::<A>(work.key())?;
+        Some(Recalled::new(cached.artifact, work, cached.digest, How::Reused, started))
+    }
+
+    /// The cache, where it may be written: a plan leaves it as it is.
+    pub fn writable(&self) -> Option<&Store> {
+        self.store.as_ref().filter(|_| self.planned.is_none())
     }
 
     /// What may end the work on this mesh.

@@ -11,10 +11,11 @@ use std::sync::Arc;
 
 use rkyv::{Archive, Deserialize, Serialize};
 
-use super::context::{Context, canonical};
+use super::context::Context;
 use super::ingest::Loaded;
 use super::models::{self, Stored};
 use super::train::TrainedBlock;
+use super::work::canonical;
 use crate::ggnn::features::Features;
 use crate::ggnn::model::Description;
 use crate::ggnn::recipe::Trunks;
@@ -101,7 +102,7 @@ pub fn parent(context: &Context, loaded: &Loaded) -> Option<Arc<Parent>> {
 /// Takes note that the eigenfunctions of a mesh come from `model`, which grew from `parent`. A store that cannot be written costs
 /// a warning and nothing else.
 pub fn record(context: &Context, loaded: &Loaded, model: &str, parent: Option<&Parent>) {
-    let Some(store) = &context.store else { return };
+    let Some(store) = context.writable() else { return };
     let version =
         VersionArtifact { model: model.into(), parent: parent.map(|parent| parent.name.clone()) };
     let key = version_key(&context.pipeline, loaded.hash);

@@ -6,7 +6,7 @@
 //!                              └─► solve ─────────────────────────────────────────────────────────────────────┘
 //! ```
 //! - [`intake`]: which meshes there are
-//! - [`context`]: what all stages share; recalling a result or computing it
+//! - [`context`]: what all stages share; recalling a result or computing it; [`work`]: what a result depends on
 //! - [`board`]: where every mesh stands
 //! - [`artifacts`]: what the store keeps of each stage
 //! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`tune`], [`train`], [`verify`], [`publish`]: one stage each
@@ -20,7 +20,7 @@
 //! - [`reference`]: what it is held against
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
-//! - [`run`]: the whole chain
+//! - [`run`]: the whole chain; [`plan`]: what it would do
 
 pub mod artifacts;
 pub mod assemble;
@@ -35,6 +35,7 @@ pub mod inherit;
 pub mod intake;
 pub mod lineage;
 pub mod models;
+pub mod plan;
 pub mod predict;
 pub mod publish;
 pub mod reference;
@@ -42,10 +43,12 @@ pub mod refine;
 pub mod remesh;
 pub mod retention;
 pub mod run;
+mod stand_in;
 pub mod train;
 pub mod tune;
 pub mod verdict;
 pub mod verify;
+pub mod work;
 
 pub use failure::Failure;
 pub use run::{Run, run};

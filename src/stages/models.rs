@@ -196,11 +196,12 @@ pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError
 /// Makes a training findable by name, which is returned. A store that cannot be written costs a warning and nothing else.
 pub fn remember(context: &Context, trained: &InTraining) -> Option<String> {
     let InTraining { assembled, training, blocks, chosen, .. } = trained;
-    let (store, first) = (context.store.as_ref()?, blocks.first()?);
+    let first = blocks.first()?;
     let mesh_name = &assembled.loaded.job.name;
     let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(mesh_name)), first.key.to_string());
     let trunks = blocks.chunk_by(|a, b| a.key == b.key);
     let trunks: Vec<_> = trunks.map(|heads| (heads[0].key, heads.len())).collect();
+    let Some(store) = context.writable() else { return Some(name) };
     let kept = store.get::<ModelArtifact>(&key_of(&name));
     if kept.is_some_and(|kept| kept.artifact.trunks.starts_with(&as_stored(&trunks))) {
         return Some(name);

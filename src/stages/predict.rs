@@ -7,11 +7,12 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::Failure;
 use super::artifacts::PredictionArtifact;
-use super::context::{Context, Work, canonical};
+use super::context::Context;
 use super::ingest::Loaded;
 use super::refine::Refinement;
+use super::work::{Work, canonical};
+use super::{Failure, stand_in};
 use crate::flow::events::How;
 use crate::ggnn::model::Unlike;
 use crate::ggnn::predict::{NetworkInput, predict_all};
@@ -89,7 +90,8 @@ pub fn predict(context: &Context, item: usize, mut loaded: Loaded) -> Result<Pre
         .param("k", k.to_string())
         .input("mesh", &loaded.digest())
         .input("model", &given.digest);
-    let recalled = context.recall(item, work.seeded(0, "f32"), || {
+    let stand_in = || stand_in::functions(ingested.mesh.n(), k);
+    let recalled = context.recall_costly(item, work.seeded(0, "f32"), stand_in, || {
         let fixed = operators.boundary.fixed(&ingested.topology.boundary_vertices);
         let vectors = forward(&given.model, &ingested.mesh, fixed, &pencil, k);
         let first = (0..vectors.ncols()).find(|&j| !vectors.col(j).iter().all(|v| v.is_finite()));

@@ -33,9 +33,9 @@ use crate::spectrum::cluster::{CLUSTER_GAP, clusters, zero_below};
 ///
 /// # Errors
 /// When a file cannot be written.
-pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Failure> {
+pub fn publish(context: &Context, item: usize, verified: Verified) -> Result<MeshReport, Failure> {
     let spectrum = spectrum(context, &verified);
-    let Verified { assembled, origin, vectors, order, certificate, judgement, refinement } =
+    let Verified { assembled, origin, vectors, order, certificate, judgement, refinement, .. } =
         verified;
     let learned = || Eigenpairs {
         values: certificate.pairs.iter().map(|pair| pair.lambda).collect(),
@@ -49,14 +49,18 @@ pub fn publish(context: &Context, verified: Verified) -> Result<MeshReport, Fail
         recipe_file: origin.chosen().and_then(|chosen| chosen.recipe_file.clone()),
         spectrum,
     };
-    write(context, assembled.loaded, results, |stages| record(stages, &origin, &order))
+    write(context, item, assembled.loaded, results, |stages| record(stages, &origin, &order))
 }
 
 /// Writes predictions that were not verified, and reports them.
 ///
 /// # Errors
 /// When a file cannot be written.
-pub fn publish_predicted(context: &Context, predicted: Predicted) -> Result<MeshReport, Failure> {
+pub fn publish_predicted(
+    context: &Context,
+    item: usize,
+    predicted: Predicted,
+) -> Result<MeshReport, Failure> {
     let spectrum = predicted_spectrum(context, &predicted);
     let Predicted { loaded, pencil, vectors, how, refinement, .. } = predicted;
     let order: Vec<usize> = (0..vectors.ncols()).collect();
@@ -72,7 +76,7 @@ pub fn publish_predicted(context: &Context, predicted: Predicted) -> Result<Mesh
         recipe_file: None,
         spectrum,
     };
-    write(context, loaded, results, |stages| solved_record(stages, how, order.len()))
+    write(context, item, loaded, results, |stages| solved_record(stages, how, order.len()))
 }
 
 /// Why predictions that nobody asked to verify are not verified.
@@ -94,6 +98,7 @@ struct Results {
 
 fn write(
     context: &Context,
+    item: usize,
     mut loaded: Loaded,
     results: Results,
     record: impl FnOnce(Vec<StageRecord>) -> RunRecord,
@@ -118,8 +123,8 @@ fn write(
         write_if_changed(&folder.join("recipe.toml"), text.as_bytes())?;
     }
     loaded.spent("publish", How::Computed, started.elapsed());
-    let record = record(loaded.stages);
-    write_if_changed(&folder.join("run.json"), &record.to_json())?;
+    let record = RunRecord { work: context.ledger.take(item), ..record(loaded.stages) };
+    write_if_changed(&folder.join(RUN), &record.to_json())?;
     // Whoever waits for results waits for this file: all others are there when it is.
     write_if_changed(&folder.join(SPECTRUM), &document)?;
     let folder = folder.display().to_string();
@@ -144,6 +149,9 @@ pub fn unwritten_predicted(spectrum: &Spectrum, predicted: Predicted) -> MeshRep
     let (name, reason) = (predicted.loaded.job.name, Some(NOT_VERIFIED.into()));
     MeshReport { out: None, ..MeshReport::finished(name, String::new(), spectrum, reason, &record) }
 }
+
+/// The file that tells what the work was.
+pub const RUN: &str = "run.json";
 
 /// The file whose presence says that the results beside it are whole and current.
 const SPECTRUM: &str = "spectrum.json";
@@ -295,7 +303,15 @@ fn learned_record(stages: Vec<StageRecord>, blocks: &[TrainedBlock], order: &[us
     let reused = blocks.iter().filter(|block| block.how == How::Reused).count();
     let trained = blocks.len() - reused;
     let seconds = stages.iter().map(|stage| stage.seconds).sum();
-    RunRecord { schema: RunRecordSchema::V1, seconds, pairs, trained, reused, stages }
+    RunRecord {
+        schema: RunRecordSchema::V1,
+        seconds,
+        pairs,
+        trained,
+        reused,
+        stages,
+        work: Vec::new(),
+    }
 }
 
 /// The record of `k` pairs that are the work of one stage.
@@ -303,5 +319,6 @@ fn solved_record(stages: Vec<StageRecord>, how: How, k: usize) -> RunRecord {
     let cached = how == How::Reused;
     let pairs = (1..=k).map(|k| PairRecord { k, cached, seconds: f64::NAN }).collect();
     let seconds = stages.iter().map(|stage| stage.seconds).sum();
-    RunRecord { schema: RunRecordSchema::V1, seconds, pairs, trained: 0, reused: 0, stages }
+    let (trained, reused, work) = (0, 0, Vec::new());
+    RunRecord { schema: RunRecordSchema::V1, seconds, pairs, trained, reused, stages, work }
 }

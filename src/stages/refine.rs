@@ -4,13 +4,14 @@
 
 use std::time::{Duration, Instant};
 
-use super::Failure;
 use super::artifacts::RefinementArtifact;
 use super::assemble::Assembled;
 use super::candidates::Candidates;
-use super::context::{Context, Recalled, Work};
+use super::context::{Context, Recalled};
 use super::ingest::Loaded;
 use super::verdict::Standard;
+use super::work::{Work, canonical};
+use super::{Failure, stand_in};
 use crate::flow::events::How;
 use crate::mesh::Ingested;
 use crate::mesh::topology::component_labels;
@@ -97,7 +98,8 @@ pub fn by_rayleigh_ritz(
     let fixed = context.pipeline.operators.boundary.fixed(&topology.boundary_vertices);
     let known = multiplicity(&component_labels(mesh), fixed).min(vectors.ncols());
     let zero = zero_below(mesh.area().0);
-    let recalled = context.recall(item, work.seeded(0, "f64"), || {
+    let stand_in = || stand_in::refinement(vectors.nrows(), vectors.ncols());
+    let recalled = context.recall_costly(item, work.seeded(0, "f64"), stand_in, || {
         let projected = |phi: &Dense| pencil.projected(phi);
         let pairs = rayleigh_ritz(projected, vectors, known, zero).ok_or(Failure::Dependent)?;
         Ok((&pairs, 0).into())
@@ -120,7 +122,8 @@ pub fn in_full(
     let started = Instant::now();
     let work = work(context, Refine::Full, &assembled.loaded, digest)
         .input("operators", &assembled.operators_digest);
-    let recalled = context.recall(item, work.seeded(0, "f64"), || {
+    let stand_in = || stand_in::refinement(vectors.nrows(), vectors.ncols());
+    let recalled = context.recall_costly(item, work.seeded(0, "f64"), stand_in, || {
         let problem = assembled.problem(context.pipeline.operators.boundary)?;
         let analysis = Analysis::new(problem.pencil())?;
         let free = problem.restrict(vectors);
@@ -143,7 +146,7 @@ fn work(
 ) -> Work<RefinementArtifact> {
     Work::of_stage()
         .param("method", method.name())
-        .param("operators", super::context::canonical(&context.pipeline.operators))
+        .param("operators", canonical(&context.pipeline.operators))
         .input("mesh", &loaded.digest())
         .input("candidates", &candidates)
 }

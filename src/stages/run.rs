@@ -91,6 +91,8 @@ pub async fn run(run: Run) -> io::Result<Ended> {
         lineage: run.lineage,
         checkpoint_every: run.checkpoint_every,
         board: Board::new(run.jobs.len()),
+        ledger: Default::default(),
+        planned: None,
         flights: Default::default(),
     });
     let ended = CancellationToken::new();
@@ -124,6 +126,7 @@ pub async fn run(run: Run) -> io::Result<Ended> {
             failed(&context, &run.jobs[item], failure, run.cancel.is_cancelled())
         });
         context.board.ends(item, report.status);
+        context.ledger.take(item);
         reports[item] = Some(report);
     }
     tasks.join_all().await;
@@ -195,7 +198,7 @@ fn chain(
         }
     };
     let publishing = c();
-    verified.then(move |_, verified| publish::publish(&publishing, verified)).end()
+    verified.then(move |item, verified| publish::publish(&publishing, item, verified)).end()
 }
 
 /// A stage of training, which meshes go through untouched that are settled without one.

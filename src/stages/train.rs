@@ -7,13 +7,14 @@ use std::time::Instant;
 
 use tracing_indicatif::span_ext::IndicatifSpanExt;
 
-use super::Failure;
 use super::artifacts::TrunkArtifact;
 use super::assemble::Assembled;
 use super::checkpoints::{self, Checkpoints};
-use super::context::{Context, Stop, Work, canonical};
+use super::context::{Context, Stop};
 use super::family::{Prepared, Seen, TrainingSet};
 use super::lineage::Parent;
+use super::work::{Work, canonical};
+use super::{Failure, stand_in};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::checkpoint::Checkpoint;
@@ -132,11 +133,14 @@ pub fn train(
     };
     let work = work(context, &state, &recipe, &wanted).seeded(options.seed, "f32");
     let key = *work.key();
-    let recalled = context.recall(item, work, || {
+    let shape = recipe.shape();
+    let heads = wanted.clone().count();
+    let stand_in = || stand_in::trunk(shape, heads);
+    let recalled = context.recall_costly(item, work, stand_in, || {
         let blocks = trained(context, item, &mut state, &recipe, &wanted, &key)?;
         Ok(TrunkArtifact::of(&blocks))
     })?;
-    if let Some(store) = &context.store {
+    if let Some(store) = context.writable() {
         checkpoints::remove(&key, store);
     }
     let (spent, functions) = (started.elapsed(), named(&wanted));

@@ -3,11 +3,12 @@
 
 use std::time::Instant;
 
-use super::Failure;
 use super::artifacts::TuneArtifact;
-use super::context::{Context, Work, canonical};
+use super::context::Context;
 use super::family::Prepared;
 use super::train::{Chosen, InTraining, Progress, fits, named, of_family, penalty};
+use super::work::{Work, canonical};
+use super::{Failure, stand_in};
 use crate::ggnn::recipe::{Recipe, Ritz};
 use crate::ggnn::tune::{Choice, Judge, Space, Tuning, most_steps, search};
 use crate::pipeline::{FoundRecipe, Train};
@@ -75,7 +76,7 @@ fn searched(
         members: prepared.training.members() - judge.held_out,
     };
     let work = work(context, &prepared, recipe, judge).seeded(train.seed, "f32");
-    let recalled = context.recall(item, work, || {
+    let recalled = context.recall_costly(item, work, stand_in::tuning, || {
         let mesh = &prepared.assembled.loaded.job.name;
         let steps = most_steps(recipe, train.tune, judge.trainings());
         let message = format!("{mesh}: trying {} recipes", train.tune);
@@ -91,6 +92,9 @@ fn searched(
         // A training that fails has an infinite loss: what is left is that it is to stop.
         found.map(|tuning| (&tuning).into()).map_err(|_| progress.stopped())
     })?;
+    if recalled.stands_in {
+        return Ok(as_it_is(train, prepared));
+    }
     let tuning = Tuning::from(recalled.artifact);
     let choice = tuning.choice().copied().unwrap_or(own);
     let loaded = &mut prepared.assembled.loaded;

@@ -2,14 +2,15 @@
 
 use std::time::Instant;
 
-use super::Failure;
 use super::artifacts::CertificateArtifact;
 use super::assemble::Assembled;
 use super::candidates::{Candidates, Origin};
-use super::context::{Context, Work};
+use super::context::Context;
 use super::reference;
 use super::refine::Refinement;
 use super::verdict::{Judgement, Standard, judge};
+use super::work::Work;
+use super::{Failure, stand_in};
 use crate::spectrum::certificate::{PairCertificate, References, certify};
 use crate::spectrum::factor::Analysis;
 use crate::spectrum::fem::Reference;
@@ -35,6 +36,8 @@ pub struct Verified {
     /// What a solver made of learned functions. Then λ and the angles of the certificate are those of the functions
     /// before; all else, and the judgement, is of the refined pairs.
     pub refinement: Option<Refinement>,
+    /// Nothing was measured: this is a plan, and a run would.
+    pub stands_in: bool,
 }
 
 /// Certifies the K eigenpairs of a mesh.
@@ -63,19 +66,21 @@ pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<
             .input("candidates", digest)
             .input("operators", &assembled.operators_digest);
         let work = digests.iter().fold(work, |work, (role, digest)| work.input(*role, digest));
-        context.recall(item, work.seeded(0, "f64"), || {
+        let stand_in = || stand_in::certificate(vectors.ncols());
+        context.recall_costly(item, work.seeded(0, "f64"), stand_in, || {
             let analysis = Analysis::new(problem.pencil())?;
             Ok((&certify(&problem, &analysis, &problem.restrict(vectors), &references)?).into())
         })
     };
     let recalled = measure(&vectors, &digest)?;
-    let how = recalled.how;
+    let (how, mut stands_in) = (recalled.how, recalled.stands_in);
     let mut certificate = Certificate::from(recalled.artifact);
     let tolerances = &context.pipeline.verify;
     let judgement = match &refinement {
         None => judge(&certificate, tolerances, standard),
         Some(refined) => {
             let measured = measure(&refined.pairs.vectors, &refined.digest)?;
+            stands_in |= measured.stands_in;
             let measured = Certificate::from(measured.artifact);
             let judgement = judge(&measured, tolerances, refined.standard());
             certificate = beside(&certificate, measured);
@@ -84,7 +89,17 @@ pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<
     };
     drop(problem);
     assembled.loaded.spent("verify", how, started.elapsed());
-    Ok(Verified { assembled, origin, vectors, order, certificate, judgement, refinement })
+    let verified = Verified {
+        assembled,
+        origin,
+        vectors,
+        order,
+        certificate,
+        judgement,
+        refinement,
+        stands_in,
+    };
+    Ok(verified)
 }
 
 /// The certificate of refined pairs with the λ and the angles of the learned ones.

@@ -13,6 +13,12 @@ fn record() -> RunRecord {
         trained: 0,
         reused: 1,
         seconds: 1.5,
+        work: vec![WorkRecord {
+            stage: "train".to_owned(),
+            part: Some(2),
+            cached: true,
+            fields: [("seed".to_owned(), json!(0))].into(),
+        }],
     }
 }
 
@@ -36,7 +42,8 @@ fn the_record_of_one_mesh() {
             "schema": "chladni-mesh-run-1",
             "stages": [{ "stage": "assemble", "cached": true, "seconds": 0.5 }],
             "pairs": [{ "k": 2, "cached": true, "seconds": 0.25 }],
-            "trained": 0, "reused": 1, "seconds": 1.5
+            "trained": 0, "reused": 1, "seconds": 1.5,
+            "work": [{ "stage": "train", "part": 2, "cached": true, "fields": { "seed": 0 } }]
         })
     );
     assert_eq!(serde_json::from_slice::<RunRecord>(&record().to_json()).unwrap(), record());
