@@ -41,7 +41,7 @@
 //! # What is where
 //! `digest`, `key`: names of content and of work. `artifact`: typed values as bytes. `typed`: put and get.
 //! `blob` over `manifest`, `chunk` and `quarantine`: bytes in the database. `open`, `lock`, `format`, `recovery`:
-//! from a directory to an open store. `generation`: one database after the other. `retention`: what leaves a store.
+//! from a directory to an open store. `files`: how its files are replaced and removed. `generation`: one database after the other. `retention`: what leaves a store.
 //! `interruption`: where a crash may fall, for tests. `stat`: what a store holds. `error`: what the user has to decide.
 
 mod artifact;
@@ -51,6 +51,7 @@ mod chunk;
 mod crashes;
 mod digest;
 mod error;
+mod files;
 mod format;
 mod generation;
 mod interruption;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::blob::Blobs;
 use super::lock::DirectoryLock;
-use super::{Quarantined, StoreError, recovery};
+use super::{Quarantined, StoreError, files, recovery};
 
 /// An open cache directory. Clones share it, and it may be used from any number of threads; the directory is
 /// released when the last clone is dropped.
@@ -66,11 +66,7 @@ impl Store {
     /// [`StoreError::Directory`] or [`StoreError::Database`] when the system refuses to create or write it.
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, StoreError> {
         let dir = dir.as_ref();
-        fs::create_dir_all(dir).map_err(|source| StoreError::Directory {
-            doing: "create",
-            path: dir.to_owned(),
-            source,
-        })?;
+        fs::create_dir_all(dir).map_err(files::refused("create", dir))?;
         let lock = DirectoryLock::take(dir)?;
         let trees = recovery::open_trees(dir)?;
         let open = Open { blobs: Blobs::new(dir.to_owned(), trees), _lock: lock };

@@ -86,9 +86,8 @@ impl Store {
     /// # Errors
     /// When the database cannot be read.
     pub fn keys_of<A: Artifact>(&self) -> Result<Vec<CacheKey>, StoreError> {
-        let mut keys = self.blobs().keys()?;
-        keys.retain(|key| self.peek::<A>(key).is_some());
-        Ok(keys)
+        let entries = self.blobs().manifests()?.into_iter();
+        Ok(entries.filter(|(_, manifest)| is_of::<A>(manifest)).map(|(key, _)| key).collect())
     }
 }
 
