@@ -89,11 +89,13 @@ fn start(
     jobs: Vec<intake::Job>,
     events: EventFile,
 ) -> Result<Exit, Refusal> {
-    let store = Store::open(&arguments.cache.dir).map_err(cache::refusal)?;
-    retention::keep_models(&store)
-        .and_then(|()| store.limit(arguments.limit.size.as_u64()))
-        .map_err(cache::refusal)?;
-    let model = given_model(&pipeline, &store)?;
+    let store = cache::open_or_do_without(&arguments.cache.dir)?;
+    if let Some(store) = &store {
+        retention::keep_models(store)
+            .and_then(|()| store.limit(arguments.limit.size.as_u64()))
+            .map_err(cache::refusal)?;
+    }
+    let model = given_model(&pipeline, store.as_ref())?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let cancel = CancellationToken::new();
     let request = Run {
@@ -101,7 +103,7 @@ fn start(
         model,
         jobs,
         out: arguments.out.clone(),
-        store: Some(store),
+        store,
         workers: arguments.jobs.unwrap_or_else(cores),
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
@@ -135,7 +137,10 @@ fn start(
 }
 
 /// The model of `train.method = "predict"`.
-fn given_model(pipeline: &Pipeline, store: &Store) -> Result<Option<Arc<GivenModel>>, Refusal> {
+fn given_model(
+    pipeline: &Pipeline,
+    store: Option<&Store>,
+) -> Result<Option<Arc<GivenModel>>, Refusal> {
     let Train { method, model, k, .. } = &pipeline.train;
     let boundary = pipeline.operators.boundary;
     if *method != Method::Predict {
@@ -144,6 +149,11 @@ fn given_model(pipeline: &Pipeline, store: &Store) -> Result<Option<Arc<GivenMod
     let given = if is_model_file(model) {
         GivenModel::new(model.clone(), Model::load(model.as_ref()).map_err(Refusal::usage)?)
     } else {
+        let store = store.ok_or_else(|| {
+            Refusal::usage(format!(
+                "the cache cannot be used, so the model {model} is not found in it; give a model file (train.model)"
+            ))
+        })?;
         given_by_name(model, store)?
     };
     given.model.check_count(*k).map_err(Refusal::usage)?;

@@ -9,7 +9,7 @@
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ use super::interruption::point;
 use super::manifest::{Manifest, unix_now};
 use super::quarantine::{Fault, Quarantined};
 use super::recovery::{self, Trees};
-use super::{CacheKey, Digest, StoreError};
+use super::{CacheKey, Digest, StoreError, room, tally};
 
 const LOCKS: usize = 64;
 
@@ -35,6 +35,8 @@ pub(super) struct Blobs {
     uses: AtomicU64,
     /// The keys that no limit evicts.
     pinned: Mutex<HashSet<CacheKey>>,
+    /// It was said that entries are not kept.
+    complained: AtomicBool,
     /// How much the entries may take and do take, where there is a limit.
     budget: Mutex<Option<Budget>>,
 }
@@ -73,6 +75,7 @@ impl Blobs {
             used: Mutex::default(),
             uses: AtomicU64::default(),
             pinned: Mutex::default(),
+            complained: AtomicBool::default(),
             budget: Mutex::default(),
         }
     }
@@ -104,6 +107,7 @@ impl Blobs {
         let record = manifest
             .encode(key)
             .map_err(|source| StoreError::Encode { stage: origin.stage, source })?;
+        room::check(&self.dir, manifest.length)?;
         let _alone = self.alone(key);
         let replaced = self.guarded("write an entry", || {
             let Trees { database, manifests, chunks, .. } = &self.trees;
@@ -177,6 +181,18 @@ impl Blobs {
                 Found::Faulty(fault) => Some(Err(fault.to_string())),
             })
         })
+    }
+
+    /// Writes down how many entries there are.
+    pub fn tally(&self) {
+        if let Ok(entries) = self.guarded("count the entries", || Ok(self.trees.manifests.len())) {
+            tally::write(&self.dir, entries);
+        }
+    }
+
+    /// Whether this is the first time that it is asked.
+    pub fn complains(&self) -> bool {
+        !self.complained.swap(true, Ordering::Relaxed)
     }
 
     /// Keeps these keys whatever the limit.

@@ -16,10 +16,15 @@ const FILE: &str = "chladni.generation";
 /// The directory of the first generation; those of others have their number behind it.
 const DATABASE: &str = "chladni.sled";
 
+/// Where the number of the generation that counts stands.
+pub(super) fn path(dir: &Path) -> PathBuf {
+    dir.join(FILE)
+}
+
 /// The number of the generation that counts.
 pub(super) fn present(dir: &Path) -> u64 {
     // A file that cannot be read costs a cache, as a damaged database does.
-    let content = fs::read_to_string(dir.join(FILE)).ok();
+    let content = fs::read_to_string(path(dir)).ok();
     content.and_then(|text| text.trim_end().parse().ok()).unwrap_or(1)
 }
 
@@ -33,7 +38,7 @@ pub(super) fn database(dir: &Path, generation: u64) -> PathBuf {
 
 /// Makes `generation` the one that counts.
 pub(super) fn promote(dir: &Path, generation: u64) -> Result<(), StoreError> {
-    files::replace(&dir.join(FILE), &generation.to_string())
+    files::replace(&path(dir), &generation.to_string())
 }
 
 /// Removes the databases of all generations but the present one.

@@ -5,6 +5,8 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use tempfile::TempDir;
+
 use super::blob::Blobs;
 use super::lock::DirectoryLock;
 use super::{Quarantined, StoreError, files, recovery};
@@ -45,10 +47,17 @@ pub struct Store {
     open: Arc<Open>,
 }
 
-/// Fields drop in this order: the database closes before the directory is released.
+/// Fields drop in this order: the database closes before the directory is released, and then removed if it was a copy.
 struct Open {
     blobs: Blobs,
     _lock: DirectoryLock,
+    _temporary: Option<TempDir>,
+}
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        self.blobs.tally();
+    }
 }
 
 impl Store {
@@ -67,10 +76,15 @@ impl Store {
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, StoreError> {
         let dir = dir.as_ref();
         fs::create_dir_all(dir).map_err(files::refused("create", dir))?;
+        Self::at(dir, None)
+    }
+
+    /// Opens `dir`, which exists; a `temporary` one is removed when the store is dropped.
+    pub(super) fn at(dir: &Path, temporary: Option<TempDir>) -> Result<Self, StoreError> {
         let lock = DirectoryLock::take(dir)?;
         let trees = recovery::open_trees(dir)?;
-        let open = Open { blobs: Blobs::new(dir.to_owned(), trees), _lock: lock };
-        Ok(Self { open: Arc::new(open) })
+        let blobs = Blobs::new(dir.to_owned(), trees);
+        Ok(Self { open: Arc::new(Open { blobs, _lock: lock, _temporary: temporary }) })
     }
 
     /// The cache directory, as it was given to [`open`](Self::open).

@@ -18,10 +18,13 @@ use super::format::{self, Marker};
 use super::interruption::point;
 use super::manifest::{Manifest, unix_now};
 use super::quarantine::Fault;
-use super::{CacheKey, Digest, StoreError, chunk, files, generation};
+use super::{CacheKey, Digest, StoreError, chunk, files, generation, tally};
 
 /// Left by a run that met damage after opening.
 const SUSPECT: &str = "chladni.suspect";
+
+/// The log within the directory of a database. Without it the database would be empty, and say nothing.
+const LOG: &str = "db";
 
 /// Databases set aside are named with this and the time.
 const QUARANTINE: &str = "quarantine-";
@@ -64,7 +67,8 @@ pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
     let database = generation::database(dir, generation::present(dir));
     if let Some(reason) = distrust(dir, marker, &database) {
         set_aside(dir, &database, &reason)?;
-        files::remove_file(&dir.join(SUSPECT))?;
+        files::remove_file(&suspect_path(dir))?;
+        files::remove_file(&tally::path(dir))?;
     }
     if marker != Marker::Ours {
         format::write(dir)?;
@@ -72,10 +76,12 @@ pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
     let trees = match open_patiently(dir, &database) {
         Err(error) if is_damage(&error) => {
             set_aside(dir, &database, &error.to_string())?;
+            files::remove_file(&tally::path(dir))?;
             return open_patiently(dir, &database);
         }
         opened => opened?,
     };
+    tally::compare(dir, || contained(dir, "count the entries", || Ok(trees.manifests.len())))?;
     if !is_bloated(dir, &database, &trees) {
         return Ok(trees);
     }
@@ -83,6 +89,8 @@ pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
         tracing::warn!(
             "the cache takes far more than what is in it, and cannot be copied: {error}"
         );
+        // On a full disk half a copy is in the way.
+        generation::remove_others(dir)?;
     }
     open_patiently(dir, &generation::database(dir, generation::present(dir)))
 }
@@ -168,7 +176,8 @@ pub(super) fn remove_set_aside(dir: &Path, remove: bool) -> Result<u64, StoreErr
 pub(super) fn remove_all(dir: &Path) -> Result<(), StoreError> {
     generation::remove_others(dir)?;
     files::remove_folder(&generation::database(dir, generation::present(dir)))?;
-    files::remove_file(&dir.join(SUSPECT))?;
+    files::remove_file(&suspect_path(dir))?;
+    files::remove_file(&tally::path(dir))?;
     remove_set_aside(dir, true).map(drop)
 }
 
@@ -190,10 +199,15 @@ pub(super) fn contained<T>(
     }
 }
 
+/// Where the note of a run lies that met damage.
+pub(super) fn suspect_path(dir: &Path) -> PathBuf {
+    dir.join(SUSPECT)
+}
+
 /// If `error` is damage, leaves a note on which the next opening sets the database aside.
 pub(super) fn suspect(dir: &Path, error: &StoreError) {
     if is_damage(error)
-        && let Err(refused) = fs::write(dir.join(SUSPECT), format!("{error}\n"))
+        && let Err(refused) = fs::write(suspect_path(dir), format!("{error}\n"))
     {
         tracing::warn!(%refused, %error, "the cache is damaged and cannot be marked so; delete it");
     }
@@ -205,8 +219,9 @@ fn distrust(dir: &Path, marker: Marker, database: &Path) -> Option<String> {
         return None;
     }
     match marker {
+        Marker::Ours if !database.join(LOG).exists() => Some("its log is gone".to_owned()),
         Marker::Ours => {
-            fs::read_to_string(dir.join(SUSPECT)).ok().map(|note| note.trim_end().to_owned())
+            fs::read_to_string(suspect_path(dir)).ok().map(|note| note.trim_end().to_owned())
         }
         Marker::Older(version) => Some(format!("it has the old format {version}")),
         Marker::Absent => Some("its format is not marked".to_owned()),
