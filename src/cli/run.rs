@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use bytesize::ByteSize;
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
@@ -17,6 +18,7 @@ use crate::publish::report::{MeshReport, Status};
 use crate::publish::table::run_table;
 use crate::stages::predict::GivenModel;
 use crate::stages::run::{Ended, OnFailure, Run, run};
+use crate::stages::weight::half_of_the_memory;
 use crate::stages::{intake, retention};
 use crate::store::Store;
 
@@ -41,6 +43,10 @@ pub struct Arguments {
     /// Worker threads, and meshes under way at once [default: one a core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+    /// What the meshes under way may take of memory, for example 8GB: a mesh begins when there is room for it beside the others,
+    /// told by the size of its file [default: half of what is available]
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<ByteSize>,
     /// How often a mesh is tried again when a file could not be read or written, or after an internal error
     #[arg(long, value_name = "N", default_value_t = 0)]
     retries: usize,
@@ -105,6 +111,7 @@ fn start(
         out: arguments.out.clone(),
         store,
         workers: arguments.jobs.unwrap_or_else(cores),
+        memory: arguments.memory.map_or_else(half_of_the_memory, |size| size.as_u64()),
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
         retries: arguments.retries,

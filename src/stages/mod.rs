@@ -19,6 +19,7 @@
 //! - [`reference`]: what it is held against
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
+//! - [`weight`]: what a mesh takes of memory
 //! - [`run`]: the whole chain
 
 pub mod artifacts;
@@ -43,6 +44,7 @@ pub mod train;
 pub mod tune;
 pub mod verdict;
 pub mod verify;
+pub mod weight;
 
 pub use failure::Failure;
 pub use run::{Run, run};
