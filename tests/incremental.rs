@@ -5,8 +5,7 @@ mod common;
 use std::collections::BTreeSet;
 
 use chladni::flow::events::{Event, How};
-use chladni::mesh::{TriMesh, sample::icosphere};
-use common::{QUICK, Workspace, obj};
+use common::{QUICK, Workspace, ellipsoid};
 
 fn computed(events: &[Event]) -> Vec<(&str, Option<usize>)> {
     let computed = events.iter().filter(|event| event.how == How::Computed);
@@ -255,17 +254,11 @@ fn two_files_with_the_same_mesh_are_computed_once() {
 #[test]
 fn an_edit_to_one_mesh_touches_that_mesh_only() {
     let workspace = Workspace::new(QUICK);
-    // A sphere drawn out a little more each time.
-    let edited = |factor: f64| {
-        let mesh = icosphere(2);
-        let vertices = mesh.vertices().iter().map(|&[x, y, z]| [factor * x, y, z]).collect();
-        obj(&TriMesh::new(vertices, mesh.faces().to_vec()).unwrap())
-    };
-    workspace.write("meshes/other.obj", &edited(1.01));
+    workspace.write("meshes/other.obj", &ellipsoid(1.01));
     let (code, report) = workspace.report(&[]);
     assert_eq!((code, report.meshes.len()), (0, 2));
     let before = workspace.events().len();
-    workspace.write("meshes/other.obj", &edited(1.02));
+    workspace.write("meshes/other.obj", &ellipsoid(1.02));
     let (code, report) = workspace.report(&[]);
     assert_eq!(code, 0);
     let by_mesh: Vec<_> = report.meshes.iter().map(|m| (m.path.as_str(), m.trained)).collect();

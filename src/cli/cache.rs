@@ -72,7 +72,7 @@ pub fn execute(command: &Command) -> Result<Exit, Refusal> {
     let show = Shown { format: arguments.format, dir: dir.display().to_string(), mode };
     match command {
         Command::Stat(_) => {
-            let stat = Store::open(dir).and_then(|store| store.stat()).map_err(refusal)?;
+            let stat = open(dir)?.stat().map_err(refusal)?;
             show.one(&stat, || text(&show.dir, &stat))
         }
         Command::Verify(_) => {
@@ -205,10 +205,40 @@ fn line(text: &mut String, name: &str, entries: u64, bytes: u64) {
     let _ = writeln!(text, "{name:<16} {entries:>9} {:>12}", size(bytes));
 }
 
+/// Opens the cache at `dir`; a copy of one that is there and cannot be written.
+pub fn open(dir: &Path) -> Result<Store, Refusal> {
+    open_or_copy(dir).map_err(refusal)
+}
+
+/// As [`open`]; `None` where a cache is there, or was to be, and neither it nor a copy can be written.
+pub fn open_or_do_without(dir: &Path) -> Result<Option<Store>, Refusal> {
+    match open_or_copy(dir) {
+        // A path that was misspelt is not a reason to compute everything.
+        Err(error) if error.is_full() || (error.is_unwritable() && Store::exists(dir)) => {
+            tracing::warn!("nothing is cached, and what is in the cache is not used: {error}");
+            Ok(None)
+        }
+        opened => opened.map(Some).map_err(refusal),
+    }
+}
+
+fn open_or_copy(dir: &Path) -> Result<Store, StoreError> {
+    Store::open(dir).or_else(|unwritable| {
+        if !unwritable.is_unwritable() || !Store::exists(dir) {
+            return Err(unwritable);
+        }
+        let copy = Store::open_copy(dir)?;
+        tracing::warn!("what is in the cache is used, and nothing new is kept: {unwritable}");
+        Ok(copy)
+    })
+}
+
 /// A cache that is locked, newer or unwritable is the user's to mend.
 pub fn refusal(error: StoreError) -> Refusal {
     match error {
         StoreError::Directory { .. }
+        | StoreError::Full { .. }
+        | StoreError::TooLarge { .. }
         | StoreError::Locked { .. }
         | StoreError::NewerFormat { .. } => Refusal::usage(error),
         _ => Refusal::internal(error),

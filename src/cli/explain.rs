@@ -45,7 +45,7 @@ pub fn show(
 ) -> Result<Exit, Refusal> {
     // A cache that is not there is not made.
     let dir = &task.cache.dir;
-    let store = Store::exists(dir).then(|| Store::open(dir)).transpose().map_err(cache::refusal)?;
+    let store = if Store::exists(dir) { cache::open_or_do_without(dir)? } else { None };
     let model = given_model(&pipeline, store.as_ref())?;
     let (out, lineage) = (task.out.clone(), task.lineage == Switch::On);
     let plan = plan(Request { pipeline, model, jobs, out, store, lineage });

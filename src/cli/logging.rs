@@ -1,6 +1,9 @@
-//! What goes to stderr: log lines by `RUST_LOG`, and progress bars that make way for them.
+//! What goes to stderr: log lines by `RUST_LOG`, progress bars that make way for them, and where a defect came from.
 
+use std::backtrace::Backtrace;
 use std::io::{IsTerminal, stderr};
+use std::panic::{self, PanicHookInfo};
+use std::thread;
 
 use tracing_indicatif::IndicatifLayer;
 use tracing_indicatif::filter::IndicatifFilter;
@@ -14,6 +17,11 @@ const DEFAULT: &str = "warn,sled=off";
 
 /// Starts logging. Bars are shown on a terminal only.
 pub fn start() {
+    let otherwise = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| match thread::current().name() {
+        Some("main") => otherwise(panic),
+        name => log_panic(name.unwrap_or("without name"), panic),
+    }));
     let filter = || EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(DEFAULT));
     let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let registry = tracing_subscriber::registry();
@@ -33,5 +41,68 @@ pub fn start() {
     } else {
         let lines = fmt::layer().with_writer(stderr).with_ansi(false).with_target(false);
         registry.with(lines.with_filter(filter())).init();
+    }
+}
+
+/// A panic of a thread that works for others is caught, and becomes one mesh's failure, or a cache without an entry. Where it
+/// happened is known here alone.
+fn log_panic(thread: &str, panic: &PanicHookInfo<'_>) {
+    let message = panic.payload_as_str().unwrap_or("a panic without a message");
+    let place = panic.location().map(ToString::to_string).unwrap_or_default();
+    // The database panics on damaged files; the store says what that means.
+    if panic.location().is_some_and(|location| location.file().contains("/sled-")) {
+        tracing::debug!(thread, place, "the database panicked: {message}");
+        return;
+    }
+    let backtrace = Backtrace::force_capture();
+    tracing::error!(
+        thread,
+        place,
+        "internal error, of which we would like to hear: {message}\n{backtrace}"
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use std::num::NonZeroUsize;
+    use std::process::Command;
+
+    use super::*;
+    use crate::flow::Workers;
+
+    const CHILD: &str = "CHLADNI_TEST_PANIC";
+
+    #[inline(never)]
+    fn stage_with_a_defect(corner: usize) -> usize {
+        [1, 2, 3][corner]
+    }
+
+    /// Not a test by itself: the hook is the process's, so it is set in one of its own.
+    #[tokio::test]
+    async fn child_process() {
+        if std::env::var_os(CHILD).is_none() {
+            return;
+        }
+        start();
+        let workers = Workers::start(NonZeroUsize::MIN).unwrap();
+        let corner = std::hint::black_box(7);
+        assert!(workers.run(move || stage_with_a_defect(corner)).await.is_err());
+    }
+
+    #[test]
+    fn a_panic_of_a_worker_is_logged_with_its_backtrace_and_not_printed() {
+        let output = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "cli::logging::tests::child_process", "--nocapture"])
+            .env(CHILD, "1")
+            .env_remove("RUST_LOG")
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{said}");
+        assert!(said.contains("ERROR internal error"), "{said}");
+        assert!(said.contains("the len is 3 but the index is 7"), "{said}");
+        assert!(said.contains("thread=\"worker-0\""), "{said}");
+        assert!(said.contains("stage_with_a_defect"), "{said}");
+        assert!(!said.contains("panicked at"), "{said}");
     }
 }

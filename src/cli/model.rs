@@ -159,7 +159,7 @@ fn existing(cache: &CacheLocation) -> Result<Store, Refusal> {
             cache.dir.display()
         )));
     }
-    Store::open(&cache.dir).map_err(cache::refusal)
+    cache::open(&cache.dir)
 }
 
 /// All but a broken store is the user's to mend.

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::Duration;
 
+use bytesize::ByteSize;
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
@@ -14,8 +15,8 @@ use crate::pipeline::Pipeline;
 use crate::publish::report::{MeshReport, Status};
 use crate::publish::table::run_table;
 use crate::stages::run::{Ended, OnFailure, Run, run};
+use crate::stages::weight::half_of_the_memory;
 use crate::stages::{intake, retention};
-use crate::store::Store;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::HELP)]
@@ -30,6 +31,10 @@ pub struct Arguments {
     /// Worker threads, and meshes under way at once [default: one a core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+    /// What the meshes under way may take of memory, for example 8GB: a mesh begins when there is room for it beside the others,
+    /// told by the size of its file [default: half of what is available]
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<ByteSize>,
     /// How often a mesh is tried again when a file could not be read or written, or after an internal error
     #[arg(long, value_name = "N", default_value_t = 0)]
     retries: usize,
@@ -80,11 +85,13 @@ fn start(
     jobs: Vec<intake::Job>,
     events: EventFile,
 ) -> Result<Exit, Refusal> {
-    let store = Store::open(&arguments.task.cache.dir).map_err(cache::refusal)?;
-    retention::keep_models(&store)
-        .and_then(|()| store.limit(arguments.limit.size.as_u64()))
-        .map_err(cache::refusal)?;
-    let model = given_model(&pipeline, Some(&store))?;
+    let store = cache::open_or_do_without(&arguments.task.cache.dir)?;
+    if let Some(store) = &store {
+        retention::keep_models(store)
+            .and_then(|()| store.limit(arguments.limit.size.as_u64()))
+            .map_err(cache::refusal)?;
+    }
+    let model = given_model(&pipeline, store.as_ref())?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let cancel = CancellationToken::new();
     let request = Run {
@@ -92,8 +99,9 @@ fn start(
         model,
         jobs,
         out: arguments.task.out.clone(),
-        store: Some(store),
+        store,
         workers: arguments.jobs.unwrap_or_else(cores),
+        memory: arguments.memory.map_or_else(half_of_the_memory, |size| size.as_u64()),
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
         retries: arguments.retries,

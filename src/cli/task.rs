@@ -75,7 +75,7 @@ pub fn given_model(
     } else {
         let store = store.ok_or_else(|| {
             Refusal::usage(format!(
-                "train.model = {model:?} is the name of a model, and there is no cache yet"
+                "there is no cache that could be used, so the model {model} is not found in it; give a model file (train.model)"
             ))
         })?;
         given_by_name(model, store)?

@@ -51,10 +51,19 @@ impl EventSink for Unheard {
     fn record(&self, _event: &Event) {}
 }
 
-/// Appends events to a file, one JSON object a line, each in one write.
+/// Appends events to a file, one JSON object a line, each in one write. That it cannot be written costs a warning, the first
+/// time.
 #[derive(Debug)]
 pub struct EventFile {
-    file: Mutex<File>,
+    log: Mutex<Log>,
+}
+
+#[derive(Debug)]
+struct Log {
+    file: File,
+    /// The last line may be there in part.
+    is_torn: bool,
+    has_warned: bool,
 }
 
 impl EventFile {
@@ -64,7 +73,7 @@ impl EventFile {
     /// What the system says.
     pub fn append(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().create(true).append(true).open(path)?;
-        Ok(Self { file: Mutex::new(file) })
+        Ok(Self { log: Mutex::new(Log { file, is_torn: false, has_warned: false }) })
     }
 }
 
@@ -72,9 +81,18 @@ impl EventSink for EventFile {
     fn record(&self, event: &Event) {
         let Ok(mut line) = serde_json::to_vec(event) else { return };
         line.push(b'\n');
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Err(error) = file.write_all(&line) {
-            tracing::warn!(%error, "an event could not be logged");
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        if log.is_torn {
+            line.insert(0, b'\n');
+        }
+        let written = log.file.write_all(&line);
+        log.is_torn = written.is_err();
+        if let Err(error) = written
+            && !std::mem::replace(&mut log.has_warned, true)
+        {
+            tracing::warn!(
+                "events are missing from events.jsonl, which costs nothing else: {error}"
+            );
         }
     }
 }

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use tokio::sync::{OwnedSemaphorePermit, mpsc};
+use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
+use super::admission::Admitted;
 use super::workers::Workers;
 
 /// Parcels that wait between two stages.
@@ -17,8 +18,8 @@ pub struct Parcel<T> {
     pub item: usize,
     /// What the last stage made of it.
     pub load: T,
-    /// Held until the item's outcome is known: bounds how many are under way.
-    pub admission: OwnedSemaphorePermit,
+    /// Held until the item's outcome is known: bounds what is under way.
+    pub admission: Admitted,
 }
 
 /// What became of an item.
@@ -106,9 +107,9 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::flow::Admission;
     use std::num::NonZeroUsize;
     use std::sync::atomic::{AtomicUsize, Ordering};
-    use tokio::sync::Semaphore;
 
     #[derive(Debug, PartialEq)]
     struct Fault(String);
@@ -122,7 +123,7 @@ mod tests {
     #[tokio::test]
     async fn every_item_has_one_outcome_and_few_are_under_way() {
         let workers = Arc::new(Workers::start(NonZeroUsize::new(3).unwrap()).unwrap());
-        let admitted = Arc::new(Semaphore::new(3));
+        let admitted = Admission::new(NonZeroUsize::new(3).unwrap(), u64::MAX);
         let (under_way, most) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
         let (intake, first, mut outcomes) = Stage::<usize, String, Fault>::begin(workers);
         let (entering, leaving, peak) = (under_way.clone(), under_way.clone(), most.clone());
@@ -142,7 +143,7 @@ mod tests {
             .end();
         let feeder = tokio::spawn(async move {
             for item in 0..40 {
-                let admission = admitted.clone().acquire_owned().await.unwrap();
+                let admission = admitted.admit(1).await;
                 intake.send(Parcel { item, load: item, admission }).await.unwrap();
             }
         });

@@ -44,10 +44,19 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), PublishError> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    fs::create_dir_all(folder)
-        .map_err(|source| PublishError::Folder { path: folder.to_owned(), source })?;
-    replace(folder, path, bytes)
-        .map_err(|source| PublishError::File { path: path.to_owned(), source })
+    let written = || {
+        fs::create_dir_all(folder)
+            .map_err(|source| PublishError::Folder { path: folder.to_owned(), source })?;
+        replace(folder, path, bytes)
+            .map_err(|source| PublishError::File { path: path.to_owned(), source })
+    };
+    match written() {
+        // Somebody has removed the folder meanwhile.
+        Err(PublishError::File { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
+            written()
+        }
+        result => result,
+    }
 }
 
 /// Makes sure that there is no file at `path`.

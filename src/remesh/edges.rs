@@ -24,9 +24,9 @@ pub struct Pair {
     a: u32,
     b: u32,
     /// The corner of the first that is not at the edge.
-    pub c: u32,
+    c: u32,
     /// That of the second.
-    pub d: u32,
+    d: u32,
 }
 
 impl Pair {

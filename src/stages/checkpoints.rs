@@ -36,7 +36,7 @@ impl<'s> Checkpoints<'s> {
     /// Keeps one, in the place of those before. A store that cannot be written costs a warning and nothing else.
     pub fn keep(&self, checkpoint: Checkpoint) {
         let artifact = CheckpointArtifact::from(checkpoint);
-        if let Err(error) = self.store.put(&self.key, &artifact, self.started.elapsed()) {
+        if let Err(error) = self.store.keep(&self.key, &artifact, self.started.elapsed()) {
             tracing::warn!("no checkpoint was left: {error}");
         }
         self.last.set(Instant::now());

@@ -298,16 +298,9 @@ impl Context {
         artifact: &A,
         cost: Duration,
     ) -> Result<Digest, Failure> {
-        match self.store.as_ref().map(|store| store.put(key, artifact, cost)) {
-            Some(Ok(digest)) => Ok(digest),
-            Some(Err(error)) => {
-                tracing::warn!(
-                    stage = A::STAGE,
-                    "the result is not cached and will be computed again next time: {error}"
-                );
-                Ok(store::digest(artifact)?)
-            }
-            None => Ok(store::digest(artifact)?),
-        }
+        Ok(match &self.store {
+            Some(store) => store.keep(key, artifact, cost)?,
+            None => store::digest(artifact)?,
+        })
     }
 }

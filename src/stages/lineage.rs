@@ -108,24 +108,18 @@ pub fn record(context: &Context, loaded: &Loaded, model: &str, parent: Option<&P
     let key = version_key(&context.pipeline, loaded.hash);
     let path = path_key(&context.pipeline, loaded);
     let last = PathArtifact { version: *key.as_bytes() };
-    let noted = put(store, &key, &version)
-        .and_then(|()| path.map_or(Ok(()), |path| put(store, &path, &last)));
-    if let Err(error) = noted {
-        let mesh = &loaded.job.name;
-        tracing::warn!("the next version of {mesh} will be trained from nothing: {error}");
+    put(store, &key, &version);
+    if let Some(path) = path {
+        put(store, &path, &last);
     }
 }
 
 /// Stores what is not stored yet.
-fn put<A: Artifact + PartialEq>(
-    store: &Store,
-    key: &CacheKey,
-    artifact: &A,
-) -> Result<(), StoreError> {
-    if store.get::<A>(key).is_some_and(|there| there.artifact == *artifact) {
-        return Ok(());
+fn put<A: Artifact + PartialEq>(store: &Store, key: &CacheKey, artifact: &A) {
+    let is_there = store.get::<A>(key).is_some_and(|there| there.artifact == *artifact);
+    if !is_there && let Err(error) = store.put(key, artifact, Default::default()) {
+        store.complain(A::STAGE, &error);
     }
-    store.put(key, artifact, Default::default()).map(drop)
 }
 
 /// Whether a model is to stay whatever room there is: not when it is one that some path has gone on from, and no path is at

@@ -20,6 +20,7 @@
 //! - [`reference`]: what it is held against
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
+//! - [`weight`]: what a mesh takes of memory
 //! - [`run`]: the whole chain; [`plan`]: what it would do
 
 pub mod artifacts;
@@ -48,6 +49,7 @@ pub mod train;
 pub mod tune;
 pub mod verdict;
 pub mod verify;
+pub mod weight;
 pub mod work;
 
 pub use failure::Failure;

@@ -210,7 +210,7 @@ pub fn remember(context: &Context, trained: &InTraining) -> Option<String> {
     let description =
         describe(&context.pipeline, &chosen.train, assembled, trained.known(), features);
     if let Err(error) = put(store, &name, &description, &trunks) {
-        tracing::warn!(name, "the model cannot be found by name: {error}");
+        store.complain(ModelArtifact::STAGE, &error);
     }
     Some(name)
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use super::board::{self, Board};
@@ -14,10 +14,11 @@ use super::context::Context;
 use super::inherit::{Way, inherit};
 use super::intake::Job;
 use super::predict::GivenModel;
+use super::weight::Weights;
 use super::{
     Failure, assemble, candidates, family, ingest, publish, refine, remesh, train, tune, verify,
 };
-use crate::flow::{EventSink, Outcome, Parcel, Stage, Workers};
+use crate::flow::{Admission, EventSink, Outcome, Parcel, Stage, Workers};
 use crate::pipeline::{Method, Pipeline};
 use crate::publish::report::{MeshReport, RunReport};
 use crate::store::Store;
@@ -36,6 +37,8 @@ pub struct Run {
     pub store: Option<Store>,
     /// Worker threads, and meshes under way at once.
     pub workers: NonZeroUsize,
+    /// What the meshes under way may take of memory, in bytes, as far as that can be told before they are read.
+    pub memory: u64,
     /// What a failed mesh means for the others.
     pub on_failure: OnFailure,
     /// How often a mesh is tried again whose failure may have been of the moment.
@@ -77,7 +80,7 @@ pub struct Ended {
 pub async fn run(run: Run) -> io::Result<Ended> {
     let started = Instant::now();
     let workers = Arc::new(Workers::start(run.workers)?);
-    let admission = Arc::new(Semaphore::new(run.workers.get()));
+    let admission = Admission::new(run.workers, run.memory);
     // A failure under `OnFailure::Stop` stops this run, not whoever else holds the caller's token.
     let cancel = run.cancel.child_token();
     let context = Arc::new(Context {
@@ -100,7 +103,9 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     let (intake, first, mut outcomes) = Stage::begin(workers);
     let tasks = chain(&context, first);
     let (again, retries) = mpsc::unbounded_channel();
-    let feeder = Feeder { jobs: run.jobs.clone(), intake, admission, cancel: cancel.clone() };
+    let weights = Weights::of(&context.pipeline);
+    let (jobs, cancel_feeder) = (run.jobs.clone(), cancel.clone());
+    let feeder = Feeder { jobs, weights, intake, admission, cancel: cancel_feeder };
     let feeder = tokio::spawn(feeder.feed(retries));
     let mut again = Retries { left: vec![run.retries; run.jobs.len()], again: Some(again) };
     let mut open = run.jobs.len();
@@ -212,7 +217,8 @@ fn open<T, U>(
 struct Feeder {
     jobs: Vec<Job>,
     intake: mpsc::Sender<Parcel<Job>>,
-    admission: Arc<Semaphore>,
+    weights: Weights,
+    admission: Admission,
     cancel: CancellationToken,
 }
 
@@ -234,7 +240,9 @@ impl Feeder {
     }
 
     async fn admit(&self, item: usize) -> Option<()> {
-        let admission = self.unless_stopped(self.admission.clone().acquire_owned()).await?.ok()?;
+        // Asked for only now: a run over ten thousand meshes begins at once.
+        let weight = self.weights.of_mesh(&self.jobs[item].source);
+        let admission = self.unless_stopped(self.admission.admit(weight)).await?;
         let load = self.jobs[item].clone();
         self.intake.send(Parcel { item, load, admission }).await.ok()
     }

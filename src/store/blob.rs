@@ -9,7 +9,7 @@
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ use super::interruption::point;
 use super::manifest::{Manifest, unix_now};
 use super::quarantine::{Fault, Quarantined};
 use super::recovery::{self, Trees};
-use super::{CacheKey, Digest, StoreError};
+use super::{CacheKey, Digest, StoreError, room, tally};
 
 const LOCKS: usize = 64;
 
@@ -35,6 +35,8 @@ pub(super) struct Blobs {
     uses: AtomicU64,
     /// The keys that no limit evicts.
     pinned: Mutex<HashSet<CacheKey>>,
+    /// It was said that entries are not kept.
+    complained: AtomicBool,
     /// How much the entries may take and do take, where there is a limit.
     budget: Mutex<Option<Budget>>,
 }
@@ -44,6 +46,8 @@ pub(super) struct Blobs {
 struct Budget {
     limit: u64,
     live: u64,
+    /// From here on an eviction is worth its while: the limit, or more where pinned entries alone are beyond it.
+    ceiling: u64,
 }
 
 /// What an entry is, as its writer says.
@@ -71,6 +75,7 @@ impl Blobs {
             used: Mutex::default(),
             uses: AtomicU64::default(),
             pinned: Mutex::default(),
+            complained: AtomicBool::default(),
             budget: Mutex::default(),
         }
     }
@@ -102,6 +107,7 @@ impl Blobs {
         let record = manifest
             .encode(key)
             .map_err(|source| StoreError::Encode { stage: origin.stage, source })?;
+        room::check(&self.dir, manifest.length)?;
         let _alone = self.alone(key);
         let replaced = self.guarded("write an entry", || {
             let Trees { database, manifests, chunks, .. } = &self.trees;
@@ -117,10 +123,7 @@ impl Blobs {
             Ok(replaced)
         })?;
         let replaced = replaced.and_then(|record| Manifest::decode(key, &record));
-        if let Some(budget) = &mut *unpoisoned(&self.budget) {
-            let before = replaced.map_or(0, |manifest| manifest.length);
-            budget.live = (budget.live + manifest.length).saturating_sub(before);
-        }
+        self.account(manifest.length, replaced.map_or(0, |manifest| manifest.length));
         self.first_use(key);
         Ok(digest)
     }
@@ -133,11 +136,14 @@ impl Blobs {
         let Trees { database, manifests, chunks, .. } = &self.trees;
         for key in keys {
             let _alone = self.alone(key);
-            self.guarded("remove an entry", || {
-                manifests.remove(key.as_bytes())?;
+            let removed = self.guarded("remove an entry", || {
+                let removed = manifests.remove(key.as_bytes())?;
                 point()?;
-                chunk::remove(chunks, key)
+                chunk::remove(chunks, key)?;
+                Ok(removed)
             })?;
+            let removed = removed.and_then(|record| Manifest::decode(key, &record));
+            self.account(0, removed.map_or(0, |manifest| manifest.length));
         }
         self.guarded("remove entries", || database.flush().map(drop))
     }
@@ -177,6 +183,18 @@ impl Blobs {
         })
     }
 
+    /// Writes down how many entries there are.
+    pub fn tally(&self) {
+        if let Ok(entries) = self.guarded("count the entries", || Ok(self.trees.manifests.len())) {
+            tally::write(&self.dir, entries);
+        }
+    }
+
+    /// Whether this is the first time that it is asked.
+    pub fn complains(&self) -> bool {
+        !self.complained.swap(true, Ordering::Relaxed)
+    }
+
     /// Keeps these keys whatever the limit.
     pub fn pin(&self, keys: impl IntoIterator<Item = CacheKey>) {
         unpoisoned(&self.pinned).extend(keys);
@@ -194,12 +212,30 @@ impl Blobs {
 
     /// The entries take `live` bytes and may take `limit`.
     pub fn limit(&self, limit: u64, live: u64) {
-        *unpoisoned(&self.budget) = Some(Budget { limit, live });
+        *unpoisoned(&self.budget) = Some(Budget { limit, live, ceiling: limit });
     }
 
-    /// The limit, where the entries take more.
+    /// The limit, where an eviction is due.
     pub fn exceeded(&self) -> Option<u64> {
-        unpoisoned(&self.budget).filter(|budget| budget.live > budget.limit).map(|b| b.limit)
+        unpoisoned(&self.budget).filter(|budget| budget.live > budget.ceiling).map(|b| b.limit)
+    }
+
+    /// After an eviction the entries take `live` bytes. Where that is still beyond the limit, nothing more can go, and the
+    /// next eviction is due when `worth` more have come in. Whether it is so for the first time.
+    pub fn evicted_to(&self, live: u64, worth: u64) -> bool {
+        let mut budget = unpoisoned(&self.budget);
+        let Some(budget) = &mut *budget else { return false };
+        let (is_beyond, was_beyond) = (live > budget.limit, budget.ceiling > budget.limit);
+        budget.live = live;
+        budget.ceiling = if is_beyond { live + worth } else { budget.limit };
+        is_beyond && !was_beyond
+    }
+
+    /// So many bytes of entries came, and so many went.
+    fn account(&self, came: u64, went: u64) {
+        if let Some(budget) = &mut *unpoisoned(&self.budget) {
+            budget.live = (budget.live + came).saturating_sub(went);
+        }
     }
 
     /// The manifest and bytes of `key` if it has an entry that `wanted` accepts and that matches every digest.
@@ -233,13 +269,19 @@ impl Blobs {
     /// Every key that has a manifest, sound or not.
     pub fn keys(&self) -> Result<Vec<CacheKey>, StoreError> {
         self.guarded("list the entries", || {
-            let keys = self.trees.manifests.iter().keys();
-            keys.filter_map(|key| match key {
-                Ok(key) => Some(Ok(CacheKey::from_bytes(key.as_ref().try_into().ok()?))),
-                Err(error) => Some(Err(error)),
-            })
-            .collect()
+            self.trees.records().map(|record| record.map(|(key, _)| key)).collect()
         })
+    }
+
+    /// Every manifest. One that is damaged is quarantined.
+    pub fn manifests(&self) -> Result<Vec<(CacheKey, Manifest)>, StoreError> {
+        let records: Vec<_> =
+            self.guarded("list the entries", || self.trees.records().collect())?;
+        let judged = records.into_iter().filter_map(|(key, record)| {
+            // Looking at it again is what quarantines.
+            Some((key, Manifest::decode(&key, &record).or_else(|| self.manifest(&key))?))
+        });
+        Ok(judged.collect())
     }
 
     /// The entries that were quarantined in this database, by key; the last reason of each.
@@ -315,21 +357,18 @@ impl Blobs {
             let Some(fault) = judge()? else {
                 return Ok(None);
             };
-            let reason = fault.to_string();
-            let record = Quarantined::encode(unix_now(), &reason);
+            let record = Quarantined::encode(unix_now(), &fault.to_string());
             self.trees.manifests.remove(key.as_bytes())?;
             point()?;
             chunk::remove(&self.trees.chunks, key)?;
             point()?;
             self.trees.quarantined.insert(key.as_bytes(), record)?;
             self.trees.database.flush()?;
-            Ok(Some(reason))
+            Ok(Some(fault))
         });
         match judged {
             Ok(None) => {}
-            Ok(Some(reason)) => {
-                tracing::warn!(%key, reason, "a cached result is damaged; it is dropped and computed again");
-            }
+            Ok(Some(fault)) => fault.warn(key),
             Err(error) => {
                 tracing::warn!(%key, %error, "a damaged cached result cannot be dropped");
             }
@@ -431,6 +470,27 @@ mod tests {
         let (manifest, bytes) = blobs.read(&KEY, |_| true).unwrap();
         assert_eq!(manifest.digest(), digest);
         assert_eq!(bytes.as_slice(), [2; chunk::CHUNK + 1]);
+    }
+
+    #[test]
+    fn where_nothing_more_can_go_an_eviction_waits_until_it_is_worth_its_while() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = open(dir.path());
+        blobs.limit(1000, 1500);
+        assert_eq!(blobs.exceeded(), Some(1000));
+        assert!(blobs.evicted_to(1200, 100), "pinned entries are beyond the limit: said once");
+        for length in [60, 100] {
+            assert_eq!(blobs.exceeded(), None);
+            write(&blobs, &vec![0; length]);
+        }
+        assert_eq!(blobs.exceeded(), None, "a write in place of another");
+        blobs.account(1, 0);
+        assert_eq!(blobs.exceeded(), Some(1000));
+        assert!(!blobs.evicted_to(1200, 100));
+        blobs.account(0, 400);
+        assert!(!blobs.evicted_to(800, 100));
+        blobs.account(201, 0);
+        assert_eq!(blobs.exceeded(), Some(1000), "the limit counts again");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Damage is not among it: a damaged entry reads as absent and a damaged database is set aside, both with a
 //! warning. What is left are the cases where the user has to decide.
 
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 
 /// Why the store cannot be opened or written. The message says what happened, where, and what to do.
@@ -47,9 +47,48 @@ pub enum StoreError {
         dir.display()
     )]
     Panicked { doing: &'static str, dir: PathBuf, message: String },
+    /// The disk is full, or this user's part of it.
+    #[error(
+        "the disk of the cache {} has no room for {bytes} bytes more ({free} are free); make room there, or use another \
+         directory (--cache DIR or CHLADNI_CACHE)",
+        dir.display()
+    )]
+    Full { dir: PathBuf, bytes: u64, free: u64 },
+    /// A cache that cannot be written would have to be copied, and is too large for that.
+    #[error(
+        "the cache {} takes {bytes} bytes, and at most {most} are copied to the temporary folder; copy it to a place \
+         that can be written and name that with --cache DIR or CHLADNI_CACHE",
+        dir.display()
+    )]
+    TooLarge { dir: PathBuf, bytes: u64, most: u64 },
     /// An artifact cannot be written as bytes: more than 2 GiB, or a type that rkyv cannot serialize.
     #[error("the result of stage {stage} cannot be encoded for the cache: {source}")]
     Encode { stage: &'static str, source: rkyv::rancor::Error },
+}
+
+impl StoreError {
+    /// Whether the cache cannot be written as things are, though it may well be read: permissions, a read-only file system, a
+    /// full disk.
+    pub fn is_unwritable(&self) -> bool {
+        let kinds = [ErrorKind::PermissionDenied, ErrorKind::ReadOnlyFilesystem];
+        self.is_full() || self.kind().is_some_and(|kind| kinds.contains(&kind))
+    }
+
+    /// Whether there is no room: on the disk, for this user, or for a copy.
+    pub fn is_full(&self) -> bool {
+        let kinds = [ErrorKind::StorageFull, ErrorKind::QuotaExceeded];
+        matches!(self, Self::Full { .. } | Self::TooLarge { .. })
+            || self.kind().is_some_and(|kind| kinds.contains(&kind))
+    }
+
+    /// What the system says.
+    fn kind(&self) -> Option<ErrorKind> {
+        match self {
+            Self::Directory { source, .. } => Some(source.kind()),
+            Self::Database { source: sled::Error::Io(source), .. } => Some(source.kind()),
+            _ => None,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -69,7 +108,7 @@ mod tests {
         let refused = StoreError::Directory {
             doing: "create",
             path: "work/cache".into(),
-            source: io::ErrorKind::PermissionDenied.into(),
+            source: ErrorKind::PermissionDenied.into(),
         };
         assert!(refused.to_string().starts_with("cannot create work/cache: permission denied; "));
     }

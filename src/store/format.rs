@@ -4,11 +4,11 @@
 //! directory and leaves it alone. The number covers the layout of the directory, the trees and their records; types
 //! have schemas of their own.
 
-use std::io::{self, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::{fs, str};
 
-use super::StoreError;
+use super::{StoreError, files};
 
 /// The format that this code reads and writes.
 pub(super) const FORMAT: u32 = 1;
@@ -44,10 +44,8 @@ pub(super) fn read(dir: &Path) -> Result<Marker, StoreError> {
     let path = path(dir);
     let content = match fs::read(&path) {
         Ok(content) => content,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Marker::Absent),
-        Err(source) => {
-            return Err(StoreError::Directory { doing: "read", path, source });
-        }
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Marker::Absent),
+        Err(error) => return Err(files::refused("read", &path)(error)),
     };
     match version(&content) {
         None => Ok(Marker::Unreadable),
@@ -57,16 +55,9 @@ pub(super) fn read(dir: &Path) -> Result<Marker, StoreError> {
     }
 }
 
-/// Marks `dir` as ours: a temporary file renamed into place, so that the marker is whole or not there.
+/// Marks `dir` as ours.
 pub(super) fn write(dir: &Path) -> Result<(), StoreError> {
-    let path = path(dir);
-    let written = tempfile::NamedTempFile::new_in(dir).and_then(|mut file| {
-        writeln!(file, "{PREFIX}{FORMAT}")?;
-        file.as_file().sync_all()?;
-        file.persist(&path)?;
-        Ok(())
-    });
-    written.map_err(|source| StoreError::Directory { doing: "write", path, source })
+    files::replace(&path(dir), &format!("{PREFIX}{FORMAT}"))
 }
 
 fn version(content: &[u8]) -> Option<u32> {

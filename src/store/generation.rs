@@ -6,10 +6,9 @@
 //! next opening. Generations have directories of their own, since a closed sled may write to its own for a moment more.
 
 use std::fs;
-use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::StoreError;
+use super::{StoreError, files};
 
 /// Says which generation counts; the first one needs no file.
 const FILE: &str = "chladni.generation";
@@ -17,10 +16,15 @@ const FILE: &str = "chladni.generation";
 /// The directory of the first generation; those of others have their number behind it.
 const DATABASE: &str = "chladni.sled";
 
+/// Where the number of the generation that counts stands.
+pub(super) fn path(dir: &Path) -> PathBuf {
+    dir.join(FILE)
+}
+
 /// The number of the generation that counts.
 pub(super) fn present(dir: &Path) -> u64 {
     // A file that cannot be read costs a cache, as a damaged database does.
-    let content = fs::read_to_string(dir.join(FILE)).ok();
+    let content = fs::read_to_string(path(dir)).ok();
     content.and_then(|text| text.trim_end().parse().ok()).unwrap_or(1)
 }
 
@@ -34,31 +38,17 @@ pub(super) fn database(dir: &Path, generation: u64) -> PathBuf {
 
 /// Makes `generation` the one that counts.
 pub(super) fn promote(dir: &Path, generation: u64) -> Result<(), StoreError> {
-    let path = dir.join(FILE);
-    let written = tempfile::NamedTempFile::new_in(dir).and_then(|mut file| {
-        writeln!(file, "{generation}")?;
-        file.as_file().sync_all()?;
-        file.persist(&path)?;
-        Ok(())
-    });
-    written.map_err(|source| StoreError::Directory { doing: "write", path, source })
+    files::replace(&path(dir), &generation.to_string())
 }
 
 /// Removes the databases of all generations but the present one.
 pub(super) fn remove_others(dir: &Path) -> Result<(), StoreError> {
     let kept = database(dir, present(dir));
-    let refused = |source| StoreError::Directory { doing: "read", path: dir.to_owned(), source };
-    for item in fs::read_dir(dir).map_err(refused)? {
-        let path = item.map_err(refused)?.path();
+    for item in fs::read_dir(dir).map_err(files::refused("read", dir))? {
+        let path = item.map_err(files::refused("read", dir))?.path();
         let is_database = path.file_name().is_some_and(|name| is_database(&name.to_string_lossy()));
-        if !is_database || path == kept {
-            continue;
-        }
-        match fs::remove_dir_all(&path) {
-            Err(source) if source.kind() != ErrorKind::NotFound => {
-                return Err(StoreError::Directory { doing: "remove", path, source });
-            }
-            _ => {}
+        if is_database && path != kept {
+            files::remove_folder(&path)?;
         }
     }
     Ok(())

@@ -5,12 +5,12 @@
 //! after this one, whose message names nobody.
 
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 use std::time::Duration;
 use std::{fs, process, thread};
 
-use super::StoreError;
+use super::{StoreError, files};
 
 /// The lock file within a cache directory.
 const FILE: &str = "chladni.lock";
@@ -25,25 +25,29 @@ impl DirectoryLock {
     /// Takes the directory, which must exist, or says who has it.
     pub fn take(dir: &Path) -> Result<Self, StoreError> {
         let path = dir.join(FILE);
-        let refused = |doing| {
-            let path = path.clone();
-            move |source| StoreError::Directory { doing, path, source }
-        };
         let mut file = OpenOptions::new()
             .write(true)
             .create(true)
             .truncate(false)
             .open(&path)
-            .map_err(refused("create"))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(StoreError::Locked { dir: dir.to_owned(), holder: holder(&path) });
-            }
-            Err(TryLockError::Error(source)) => return Err(refused("lock")(source)),
-        }
-        announce(&mut file).map_err(refused("write"))?;
+            .map_err(files::refused("create", &path))?;
+        held(dir, file.try_lock())?;
+        announce(&mut file).map_err(files::refused("write", &path))?;
         Ok(Self { file })
+    }
+
+    /// Keeps everybody from taking the directory for as long as the file is held, without writing to it. `None` if nobody
+    /// has ever taken it.
+    pub fn share(dir: &Path) -> Result<Option<File>, StoreError> {
+        let path = dir.join(FILE);
+        match File::open(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            file => {
+                let file = file.map_err(files::refused("read", &path))?;
+                held(dir, file.try_lock_shared())?;
+                Ok(Some(file))
+            }
+        }
     }
 }
 
@@ -55,6 +59,17 @@ impl Drop for DirectoryLock {
             tracing::debug!(%error, "the lock file is left as it is");
         }
     }
+}
+
+/// What it means that the lock of `dir` was taken, or not.
+fn held(dir: &Path, locked: Result<(), TryLockError>) -> Result<(), StoreError> {
+    let path = dir.join(FILE);
+    locked.map_err(|error| match error {
+        TryLockError::WouldBlock => {
+            StoreError::Locked { dir: dir.to_owned(), holder: holder(&path) }
+        }
+        TryLockError::Error(source) => files::refused("lock", &path)(source),
+    })
 }
 
 fn announce(file: &mut File) -> io::Result<()> {

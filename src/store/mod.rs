@@ -17,6 +17,7 @@
 //! chladni.lock            the process that holds the directory (flock) and its number
 //! chladni.format          "chladni store 1": the version of all that follows
 //! chladni.suspect         left by a run that met damage inside the database; the next one sets it aside
+//! chladni.entries         how many entries there were when the database was closed; gone while it is open
 //! chladni.generation      which database counts: the first one, or a later copy
 //! chladni.sled[-N]/       the database, three trees:
 //!   manifests             key                  → what the entry is, its length and digest; checksum
@@ -33,24 +34,30 @@
 //! - *A crash during a write*: the order is manifest away, chunks, flush, manifest, flush. Without a manifest
 //!   there is no entry; chunks left behind are replaced by the next write of that key.
 //! - *A damaged entry*: the key is quarantined when a read meets it.
+//! - *A log that lost its end*: it opens with fewer entries than it was closed with, and a warning.
 //! - *A damaged database*: opening sets it aside. If the damage shows later, inside a read or write, that call
 //!   fails, and the next opening sets the database aside.
+//! - *A directory that cannot be written*: a copy of it can be opened, which lasts as long as the store.
+//! - *A full disk*: what has no room is not kept, with one warning; what is there is found.
 //! - *Code of another schema*: a miss; the write that follows replaces the entry.
 //! - *A database that takes far more than its entries*: opening copies them to the next generation.
 //!
 //! # What is where
 //! `digest`, `key`: names of content and of work. `artifact`: typed values as bytes. `typed`: put and get.
 //! `blob` over `manifest`, `chunk` and `quarantine`: bytes in the database. `open`, `lock`, `format`, `recovery`:
-//! from a directory to an open store. `generation`: one database after the other. `retention`: what leaves a store.
-//! `interruption`: where a crash may fall, for tests. `stat`: what a store holds. `error`: what the user has to decide.
+//! from a directory to an open store. `copy`: the same for one that cannot be written. `room`: whether its disk has any.
+//! `files`: how its files are replaced and removed. `generation`: one database after the other. `retention`: what leaves a store.
+//! `tally`: how many there should be. `interruption`: where a crash may fall, for tests. `stat`: what a store holds. `error`: what the user has to decide.
 
 mod artifact;
 mod blob;
 mod chunk;
+mod copy;
 #[cfg(test)]
 mod crashes;
 mod digest;
 mod error;
+mod files;
 mod format;
 mod generation;
 mod interruption;
@@ -61,7 +68,9 @@ mod open;
 mod quarantine;
 mod recovery;
 mod retention;
+mod room;
 mod stat;
+mod tally;
 mod typed;
 
 pub use artifact::{Artifact, DecodeError, decode, digest, encode};

@@ -5,9 +5,11 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use tempfile::TempDir;
+
 use super::blob::Blobs;
 use super::lock::DirectoryLock;
-use super::{Quarantined, StoreError, recovery};
+use super::{Quarantined, StoreError, files, recovery};
 
 /// An open cache directory. Clones share it, and it may be used from any number of threads; the directory is
 /// released when the last clone is dropped.
@@ -45,10 +47,17 @@ pub struct Store {
     open: Arc<Open>,
 }
 
-/// Fields drop in this order: the database closes before the directory is released.
+/// Fields drop in this order: the database closes before the directory is released, and then removed if it was a copy.
 struct Open {
     blobs: Blobs,
     _lock: DirectoryLock,
+    _temporary: Option<TempDir>,
+}
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        self.blobs.tally();
+    }
 }
 
 impl Store {
@@ -66,15 +75,16 @@ impl Store {
     /// [`StoreError::Directory`] or [`StoreError::Database`] when the system refuses to create or write it.
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, StoreError> {
         let dir = dir.as_ref();
-        fs::create_dir_all(dir).map_err(|source| StoreError::Directory {
-            doing: "create",
-            path: dir.to_owned(),
-            source,
-        })?;
+        fs::create_dir_all(dir).map_err(files::refused("create", dir))?;
+        Self::at(dir, None)
+    }
+
+    /// Opens `dir`, which exists; a `temporary` one is removed when the store is dropped.
+    pub(super) fn at(dir: &Path, temporary: Option<TempDir>) -> Result<Self, StoreError> {
         let lock = DirectoryLock::take(dir)?;
         let trees = recovery::open_trees(dir)?;
-        let open = Open { blobs: Blobs::new(dir.to_owned(), trees), _lock: lock };
-        Ok(Self { open: Arc::new(open) })
+        let blobs = Blobs::new(dir.to_owned(), trees);
+        Ok(Self { open: Arc::new(Open { blobs, _lock: lock, _temporary: temporary }) })
     }
 
     /// The cache directory, as it was given to [`open`](Self::open).

@@ -21,6 +21,17 @@ pub(super) enum Fault {
     Undecodable(String),
 }
 
+impl Fault {
+    /// Tells the user that the entry of `key` goes.
+    pub fn warn(&self, key: &CacheKey) {
+        tracing::warn!(
+            %key,
+            reason = %self,
+            "a cached result is damaged; it is dropped and computed again"
+        );
+    }
+}
+
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -17,10 +17,14 @@ use std::{fs, thread};
 use super::format::{self, Marker};
 use super::interruption::point;
 use super::manifest::{Manifest, unix_now};
-use super::{CacheKey, Digest, StoreError, chunk, generation};
+use super::quarantine::Fault;
+use super::{CacheKey, Digest, StoreError, chunk, files, generation, tally};
 
 /// Left by a run that met damage after opening.
 const SUSPECT: &str = "chladni.suspect";
+
+/// The log within the directory of a database. Without it the database would be empty, and say nothing.
+const LOG: &str = "db";
 
 /// Databases set aside are named with this and the time.
 const QUARANTINE: &str = "quarantine-";
@@ -40,6 +44,18 @@ pub(super) struct Trees {
     pub quarantined: sled::Tree,
 }
 
+impl Trees {
+    /// The record of every manifest, sound or not, with its key.
+    pub fn records(&self) -> impl Iterator<Item = sled::Result<(CacheKey, sled::IVec)>> {
+        self.manifests.iter().filter_map(|record| match record {
+            Ok((key, record)) => {
+                Some(Ok((CacheKey::from_bytes(key.as_ref().try_into().ok()?), record)))
+            }
+            Err(error) => Some(Err(error)),
+        })
+    }
+}
+
 /// A database that takes more than this times its entries, and as much beside, is copied at the next opening.
 const SLACK: (u64, u64) = (3, 64 << 20);
 
@@ -51,7 +67,8 @@ pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
     let database = generation::database(dir, generation::present(dir));
     if let Some(reason) = distrust(dir, marker, &database) {
         set_aside(dir, &database, &reason)?;
-        remove_if_there(&dir.join(SUSPECT))?;
+        files::remove_file(&suspect_path(dir))?;
+        files::remove_file(&tally::path(dir))?;
     }
     if marker != Marker::Ours {
         format::write(dir)?;
@@ -59,25 +76,22 @@ pub(super) fn open_trees(dir: &Path) -> Result<Trees, StoreError> {
     let trees = match open_patiently(dir, &database) {
         Err(error) if is_damage(&error) => {
             set_aside(dir, &database, &error.to_string())?;
+            files::remove_file(&tally::path(dir))?;
             return open_patiently(dir, &database);
         }
         opened => opened?,
     };
+    tally::compare(dir, || contained(dir, "count the entries", || Ok(trees.manifests.len())))?;
     if !is_bloated(dir, &database, &trees) {
         return Ok(trees);
     }
-    match next_generation(dir, trees) {
-        Ok(()) => open_trees_of(dir),
-        Err(error) => {
-            tracing::warn!(
-                "the cache takes far more than what is in it, and cannot be copied: {error}"
-            );
-            open_trees_of(dir)
-        }
+    if let Err(error) = next_generation(dir, trees) {
+        tracing::warn!(
+            "the cache takes far more than what is in it, and cannot be copied: {error}"
+        );
+        // On a full disk half a copy is in the way.
+        generation::remove_others(dir)?;
     }
-}
-
-fn open_trees_of(dir: &Path) -> Result<Trees, StoreError> {
     open_patiently(dir, &generation::database(dir, generation::present(dir)))
 }
 
@@ -93,11 +107,9 @@ fn is_bloated(dir: &Path, database: &Path, trees: &Trees) -> bool {
 
 fn live_bytes(trees: &Trees) -> sled::Result<u64> {
     let mut live = 0;
-    for record in &trees.manifests {
+    for record in trees.records() {
         let (key, record) = record?;
-        let key: Option<[u8; 32]> = key.as_ref().try_into().ok();
-        let manifest = key.and_then(|key| Manifest::decode(&CacheKey::from_bytes(key), &record));
-        live += manifest.map_or(0, |manifest| manifest.length);
+        live += Manifest::decode(&key, &record).map_or(0, |manifest| manifest.length);
     }
     Ok(live)
 }
@@ -115,20 +127,17 @@ pub(super) fn next_generation(dir: &Path, trees: Trees) -> Result<(), StoreError
 
 /// Copies every entry whose bytes match their digests; what does not match is dropped, as a read would.
 fn copy_all(from: &Trees, to: &Trees) -> sled::Result<()> {
-    for record in &from.manifests {
-        let (address, record) = record?;
-        let Ok(key) = <[u8; 32]>::try_from(address.as_ref()) else { continue };
-        let key = CacheKey::from_bytes(key);
+    for record in from.records() {
+        let (key, record) = record?;
         let Some(manifest) = Manifest::decode(&key, &record) else { continue };
         match chunk::read(&from.chunks, &key, manifest.length)? {
             Ok(bytes) if Digest::of(&bytes) == manifest.digest() => {
                 chunk::write(&to.chunks, &key, &bytes)?;
-                to.manifests.insert(&address, record)?;
+                to.manifests.insert(key.as_bytes(), record)?;
                 point()?;
             }
-            _ => {
-                tracing::warn!(%key, "a cached result is damaged; it is dropped and computed again")
-            }
+            Ok(_) => Fault::Whole.warn(&key),
+            Err(fault) => Fault::Chunk(fault).warn(&key),
         }
     }
     for record in &from.quarantined {
@@ -141,10 +150,9 @@ fn copy_all(from: &Trees, to: &Trees) -> sled::Result<()> {
 
 /// The databases of `dir` that were set aside.
 pub(super) fn set_aside_in(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    let refused = |source| StoreError::Directory { doing: "read", path: dir.to_owned(), source };
     let mut found = Vec::new();
-    for item in fs::read_dir(dir).map_err(refused)? {
-        let item = item.map_err(refused)?;
+    for item in fs::read_dir(dir).map_err(files::refused("read", dir))? {
+        let item = item.map_err(files::refused("read", dir))?;
         if item.file_name().to_string_lossy().starts_with(QUARANTINE) {
             found.push(item.path());
         }
@@ -158,7 +166,7 @@ pub(super) fn remove_set_aside(dir: &Path, remove: bool) -> Result<u64, StoreErr
     for path in set_aside_in(dir)? {
         bytes += super::stat::disk_bytes_of(&path)?;
         if remove {
-            remove_directory(&path)?;
+            files::remove_folder(&path)?;
         }
     }
     Ok(bytes)
@@ -167,18 +175,10 @@ pub(super) fn remove_set_aside(dir: &Path, remove: bool) -> Result<u64, StoreErr
 /// Removes all databases of `dir`.
 pub(super) fn remove_all(dir: &Path) -> Result<(), StoreError> {
     generation::remove_others(dir)?;
-    remove_directory(&generation::database(dir, generation::present(dir)))?;
-    remove_if_there(&dir.join(SUSPECT))?;
+    files::remove_folder(&generation::database(dir, generation::present(dir)))?;
+    files::remove_file(&suspect_path(dir))?;
+    files::remove_file(&tally::path(dir))?;
     remove_set_aside(dir, true).map(drop)
-}
-
-fn remove_directory(path: &Path) -> Result<(), StoreError> {
-    match fs::remove_dir_all(path) {
-        Err(source) if source.kind() != ErrorKind::NotFound => {
-            Err(StoreError::Directory { doing: "remove", path: path.to_owned(), source })
-        }
-        _ => Ok(()),
-    }
 }
 
 /// Runs an operation of the database; a panic becomes [`StoreError::Panicked`].
@@ -199,10 +199,15 @@ pub(super) fn contained<T>(
     }
 }
 
+/// Where the note of a run lies that met damage.
+pub(super) fn suspect_path(dir: &Path) -> PathBuf {
+    dir.join(SUSPECT)
+}
+
 /// If `error` is damage, leaves a note on which the next opening sets the database aside.
 pub(super) fn suspect(dir: &Path, error: &StoreError) {
     if is_damage(error)
-        && let Err(refused) = fs::write(dir.join(SUSPECT), format!("{error}\n"))
+        && let Err(refused) = fs::write(suspect_path(dir), format!("{error}\n"))
     {
         tracing::warn!(%refused, %error, "the cache is damaged and cannot be marked so; delete it");
     }
@@ -214,8 +219,9 @@ fn distrust(dir: &Path, marker: Marker, database: &Path) -> Option<String> {
         return None;
     }
     match marker {
+        Marker::Ours if !database.join(LOG).exists() => Some("its log is gone".to_owned()),
         Marker::Ours => {
-            fs::read_to_string(dir.join(SUSPECT)).ok().map(|note| note.trim_end().to_owned())
+            fs::read_to_string(suspect_path(dir)).ok().map(|note| note.trim_end().to_owned())
         }
         Marker::Older(version) => Some(format!("it has the old format {version}")),
         Marker::Absent => Some("its format is not marked".to_owned()),
@@ -234,26 +240,13 @@ fn set_aside(dir: &Path, database: &Path, reason: &str) -> Result<(), StoreError
         .map(|name| dir.join(name))
         .find(|path| !path.exists())
         .unwrap_or_else(|| dir.join(QUARANTINE));
-    fs::rename(database, &target).map_err(|source| StoreError::Directory {
-        doing: "set aside",
-        path: database.to_owned(),
-        source,
-    })?;
+    fs::rename(database, &target).map_err(files::refused("set aside", database))?;
     tracing::warn!(
         reason,
         moved_to = %target.display(),
         "the cache cannot be used; it is set aside and a new one started",
     );
     Ok(())
-}
-
-fn remove_if_there(path: &Path) -> Result<(), StoreError> {
-    match fs::remove_file(path) {
-        Err(source) if source.kind() != ErrorKind::NotFound => {
-            Err(StoreError::Directory { doing: "remove", path: path.to_owned(), source })
-        }
-        _ => Ok(()),
-    }
 }
 
 fn open_patiently(dir: &Path, database: &Path) -> Result<Trees, StoreError> {

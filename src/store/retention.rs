@@ -101,7 +101,7 @@ impl Store {
     /// # Errors
     /// When the database cannot be read or written.
     pub fn limit(&self, bytes: u64) -> Result<(), StoreError> {
-        let live = self.manifests()?.iter().map(|(_, manifest)| manifest.length).sum();
+        let live = self.blobs().manifests()?.iter().map(|(_, manifest)| manifest.length).sum();
         self.blobs().limit(bytes, live);
         self.make_room()
     }
@@ -109,17 +109,17 @@ impl Store {
     /// Evicts entries until they take no more than the limit leaves, if they take more than the limit.
     pub(super) fn make_room(&self) -> Result<(), StoreError> {
         let Some(limit) = self.blobs().exceeded() else { return Ok(()) };
-        let swept = self.evict(self.manifests()?, limit - limit / LEFT_FREE, Mode::Apply)?;
+        let swept =
+            self.evict(self.blobs().manifests()?, limit - limit / LEFT_FREE, Mode::Apply)?;
         let entries: u64 = swept.evicted.values().map(|stage| stage.entries).sum();
-        if swept.live_bytes > limit {
+        tracing::debug!(entries, live = swept.live_bytes, "entries were evicted from the cache");
+        if self.blobs().evicted_to(swept.live_bytes, limit / LEFT_FREE) {
             tracing::warn!(
                 limit,
                 live = swept.live_bytes,
-                "models alone take more than the limit of the cache; raise it, or export and remove models"
+                "models alone take more than the limit of the cache; raise it (--cache-size), or export and remove models"
             );
         }
-        tracing::debug!(entries, live = swept.live_bytes, "entries were evicted from the cache");
-        self.blobs().limit(limit, swept.live_bytes);
         Ok(())
     }
 
@@ -131,7 +131,7 @@ impl Store {
     pub fn sweep(&self, kinds: &[Kind], limit: u64, mode: Mode) -> Result<Swept, StoreError> {
         let pinned = self.blobs().pinned();
         let (usable, outdated): (Vec<_>, Vec<_>) =
-            self.manifests()?.into_iter().partition(|(key, manifest)| {
+            self.blobs().manifests()?.into_iter().partition(|(key, manifest)| {
                 pinned.contains(key) || kinds.iter().any(|kind| kind.is(manifest))
             });
         if mode == Mode::Apply {
@@ -235,11 +235,6 @@ impl Store {
         let dir = dir.as_ref();
         let _lock = DirectoryLock::take(dir)?;
         recovery::remove_set_aside(dir, mode == Mode::Apply)
-    }
-
-    fn manifests(&self) -> Result<Vec<(CacheKey, Manifest)>, StoreError> {
-        let keys = self.blobs().keys()?;
-        Ok(keys.into_iter().filter_map(|key| Some((key, self.blobs().manifest(&key)?))).collect())
     }
 }
 

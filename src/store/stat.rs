@@ -8,7 +8,7 @@ use std::{fs, io};
 
 use serde::Serialize;
 
-use super::{Store, StoreError, recovery};
+use super::{Store, StoreError, files, recovery};
 
 /// The contents of a store at one moment.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
@@ -43,10 +43,7 @@ impl Store {
     /// When the database or the directory cannot be read.
     pub fn stat(&self) -> Result<StoreStat, StoreError> {
         let mut stat = StoreStat::default();
-        for key in self.blobs().keys()? {
-            let Some(manifest) = self.blobs().manifest(&key) else {
-                continue;
-            };
+        for (_, manifest) in self.blobs().manifests()? {
             stat.stages.entry(manifest.stage).or_default().count(manifest.length);
             stat.entries += 1;
             stat.live_bytes += manifest.length;
@@ -68,11 +65,7 @@ impl StageStat {
 
 /// The size of all files in a cache directory.
 pub(super) fn disk_bytes_of(dir: &Path) -> Result<u64, StoreError> {
-    disk_bytes(dir).map_err(|source| StoreError::Directory {
-        doing: "read",
-        path: dir.to_owned(),
-        source,
-    })
+    disk_bytes(dir).map_err(files::refused("read", dir))
 }
 
 /// The length of all files below `dir`. A file that goes away meanwhile counts nothing; links are not followed.

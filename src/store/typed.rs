@@ -3,6 +3,7 @@
 //! A get answers with a result that is certainly the one that was put, or with nothing; nothing means: compute it.
 //! The order of its checks: manifest (checksum, stage, schema), each chunk, the whole, the envelope, the archive.
 
+use std::fmt::Display;
 use std::time::Duration;
 
 use super::artifact::{Artifact, DecodeError, decode, encode};
@@ -42,8 +43,47 @@ impl Store {
         artifact: &A,
         cost: Duration,
     ) -> Result<Digest, StoreError> {
+        self.put_encoded::<A>(key, &encode(artifact)?, cost)
+    }
+
+    /// As [`put`](Self::put), but a cache that cannot be written costs no more than a warning, the first time.
+    ///
+    /// # Errors
+    /// When the artifact cannot be encoded.
+    pub fn keep<A: Artifact>(
+        &self,
+        key: &CacheKey,
+        artifact: &A,
+        cost: Duration,
+    ) -> Result<Digest, StoreError> {
+        let bytes = encode(artifact)?;
+        Ok(self.put_encoded::<A>(key, &bytes, cost).unwrap_or_else(|error| {
+            self.complain(A::STAGE, &error);
+            Digest::of(&bytes)
+        }))
+    }
+
+    /// Warns that a result of `stage` is not kept. On a full disk that is so for all that follow: only the first time is a
+    /// warning.
+    pub fn complain(&self, stage: &str, error: &dyn Display) {
+        if self.blobs().complains() {
+            tracing::warn!(
+                stage,
+                "the result is not cached and will be computed again next time, as others may be: {error}"
+            );
+        } else {
+            tracing::debug!(stage, "the result is not cached: {error}");
+        }
+    }
+
+    fn put_encoded<A: Artifact>(
+        &self,
+        key: &CacheKey,
+        bytes: &[u8],
+        cost: Duration,
+    ) -> Result<Digest, StoreError> {
         let origin = Origin { stage: A::STAGE, version: A::VERSION, schema: A::SCHEMA, cost };
-        let digest = self.blobs().write(key, origin, &encode(artifact)?)?;
+        let digest = self.blobs().write(key, origin, bytes)?;
         if let Err(error) = self.make_room() {
             tracing::warn!("the cache is over its limit: {error}");
         }
@@ -86,9 +126,8 @@ impl Store {
     /// # Errors
     /// When the database cannot be read.
     pub fn keys_of<A: Artifact>(&self) -> Result<Vec<CacheKey>, StoreError> {
-        let mut keys = self.blobs().keys()?;
-        keys.retain(|key| self.peek::<A>(key).is_some());
-        Ok(keys)
+        let entries = self.blobs().manifests()?.into_iter();
+        Ok(entries.filter(|(_, manifest)| is_of::<A>(manifest)).map(|(key, _)| key).collect())
     }
 }
 

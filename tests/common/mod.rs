@@ -30,6 +30,15 @@ lambda_tolerance = 0.2
 angle_tolerance = 0.5
 ";
 
+/// A pipeline without training: the reference solver alone.
+pub const FEM: &str = "
+[input]
+paths = [\"meshes\"]
+[train]
+method = \"fem\"
+k = 4
+";
+
 /// A folder of its own with a pipeline, meshes, a cache and results.
 pub struct Workspace {
     dir: TempDir,
@@ -93,6 +102,13 @@ pub fn obj(mesh: &TriMesh) -> String {
         writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
     }
     text
+}
+
+/// The sphere of a workspace, drawn out along x, as the text of an OBJ file.
+pub fn ellipsoid(factor: f64) -> String {
+    let mesh = icosphere(2);
+    let vertices = mesh.vertices().iter().map(|&[x, y, z]| [factor * x, y, z]).collect();
+    obj(&TriMesh::new(vertices, mesh.faces().to_vec()).unwrap())
 }
 
 /// What a process printed.

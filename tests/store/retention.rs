@@ -1,10 +1,13 @@
 //! What leaves a store, and what stays.
 
 use std::fs;
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use chladni::store::{KeyBuilder, Kind, Mode, Store};
 use tempfile::TempDir;
+use tracing_subscriber::fmt::MakeWriter;
 
 use super::damage::{flip, tamper};
 use super::{Bytes, BytesOfLater, COST, get, key, open, sample};
@@ -56,6 +59,54 @@ fn a_limit_holds_after_every_write_and_spares_what_this_process_uses() {
     assert!((0..10).all(|n| get(&store, &key(n)).is_none()));
     assert_eq!(get(&store, &key(29)), Some(sample(10_000, 29)));
     assert!(store.quarantined().unwrap().is_empty());
+}
+
+/// What is logged while `work` is done on this thread.
+fn said(work: impl FnOnce()) -> String {
+    let log = Log::default();
+    let lines = tracing_subscriber::fmt().with_writer(log.clone()).with_ansi(false).finish();
+    tracing::subscriber::with_default(lines, work);
+    String::from_utf8(std::mem::take(&mut *log.0.lock().unwrap())).unwrap()
+}
+
+#[derive(Clone, Default)]
+struct Log(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl MakeWriter<'_> for Log {
+    type Writer = Self;
+
+    fn make_writer(&self) -> Self {
+        self.clone()
+    }
+}
+
+#[test]
+fn where_pinned_entries_alone_are_beyond_the_limit_it_is_said_once_and_a_tenth_beside_them_stays() {
+    let dir = TempDir::new().unwrap();
+    let store = open(dir.path());
+    store.put(&key(0), &sample(200_000, 0), COST).unwrap();
+    store.pin([key(0)]);
+    let said = said(|| {
+        store.limit(100_000).unwrap();
+        for n in 1..50 {
+            store.put(&key(n), &sample(1000, n as u8), COST).unwrap();
+            let live = store.stat().unwrap().live_bytes;
+            assert!((200_000..212_000).contains(&live), "{live}");
+        }
+    });
+    assert_eq!(said.matches("models alone take more than the limit").count(), 1, "{said}");
+    assert!(get(&store, &key(49)).is_some() && get(&store, &key(1)).is_none());
+    assert!(get(&store, &key(0)).is_some());
 }
 
 #[test]
