@@ -109,7 +109,7 @@ impl Session<'_> {
             return Ok("no results");
         };
         let spectrum: Spectrum = serde_json::from_slice(&text)?;
-        Ok(match spectrum.provenance.grown_from.map(|ancestor| ancestor.blocks) {
+        Ok(match spectrum.provenance.grown_from.map(|ancestor| ancestor.how) {
             Some(Inheritance::AsTheyAre) => "as they are",
             Some(Inheritance::Heads) => "heads",
             Some(Inheritance::FineTuned) => "fine-tuned",

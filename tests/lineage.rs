@@ -44,7 +44,7 @@ fn spectrum(workspace: &Workspace) -> Spectrum {
 }
 
 fn how(workspace: &Workspace) -> Option<Inheritance> {
-    spectrum(workspace).provenance.grown_from.map(|ancestor| ancestor.blocks)
+    spectrum(workspace).provenance.grown_from.map(|ancestor| ancestor.how)
 }
 
 /// The results of a run on this mesh that never saw another.
@@ -69,7 +69,7 @@ fn a_small_edit_is_predicted_with_the_blocks_of_the_version_before() {
         |source: Source| report.eigenpairs.iter().filter(|p| p.pair.source == source).count();
     assert_eq!((sources(Source::Constant), sources(Source::Predicted)), (1, 3), "{report:?}");
     let ancestor = spectrum(&workspace).provenance.grown_from.unwrap();
-    assert_eq!((ancestor.mesh, ancestor.blocks), (first.mesh.hash, Inheritance::AsTheyAre));
+    assert_eq!((ancestor.mesh, ancestor.how), (first.mesh.hash, Inheritance::AsTheyAre));
 
     // Once more: nothing is computed, and the bytes stay.
     let (before, events) = (bytes(&workspace), workspace.events().len());
@@ -138,7 +138,7 @@ fn a_larger_edit_takes_more_work_and_each_is_recorded() {
         let expected = match how(&workspace) {
             None => Source::Trained,
             Some(Inheritance::AsTheyAre) => Source::Predicted,
-            Some(Inheritance::Heads | Inheritance::FineTuned) => Source::Finetuned,
+            Some(_) => Source::Finetuned,
         };
         assert!(learned.clone().all(|pair| pair.pair.source == expected), "{report:?}");
         assert_eq!(report.trained + report.reused, learned.count());
@@ -178,4 +178,47 @@ fn what_no_certificate_passes_is_trained_from_nothing_and_so_is_another_surface(
     // Two constants leave two functions to learn.
     assert_eq!(report.meshes[0].trained, 2, "{report:?}");
     assert_eq!(how(&workspace), None);
+}
+
+#[test]
+fn the_solver_begins_with_the_eigenfunctions_of_the_version_before() {
+    let fem = |k| format!("[input]\npaths = [\"meshes\"]\n[train]\nmethod = \"fem\"\nk = {k}\n");
+    let workspace = Workspace::new(&fem(12));
+    let sphere = |height: f64, levels: u32| {
+        let sphere = icosphere(levels);
+        let taller = sphere.vertices().iter().map(|&[x, y, z]| [x, 0.9 * y, z * (1.2 + height)]);
+        TriMesh::new(taller.collect(), sphere.faces().to_vec()).unwrap()
+    };
+    save(&workspace, &sphere(0.0, 3));
+    run(&workspace, &[]);
+    let first = spectrum(&workspace).mesh.hash;
+    // Other places, and then another sampling.
+    for (edited, before) in [(sphere(0.02, 3), Some(first)), (sphere(0.02, 4), None)] {
+        let before = before.unwrap_or_else(|| spectrum(&workspace).mesh.hash);
+        save(&workspace, &edited);
+        run(&workspace, &[]);
+        let ancestor = spectrum(&workspace).provenance.grown_from.unwrap();
+        assert_eq!((ancestor.mesh, ancestor.how), (before, Inheritance::WarmStart));
+        let (warm, events) = (bytes(&workspace), workspace.events().len());
+        run(&workspace, &[]);
+        assert!(workspace.events()[events..].iter().all(|event| event.how == How::Reused));
+        assert!(bytes(&workspace) == warm);
+        let from_nothing = Workspace::new(&fem(12));
+        save(&from_nothing, &edited);
+        run(&from_nothing, &[]);
+        let lambdas = |w: &Workspace| -> Vec<f64> {
+            spectrum(w).eigenpairs.iter().map(|pair| pair.lambda).collect()
+        };
+        for (warm, cold) in lambdas(&workspace).into_iter().zip(lambdas(&from_nothing)).skip(1) {
+            assert!((warm / cold - 1.0).abs() < 1e-10, "{warm} {cold}");
+        }
+    }
+    // The bytes of a fresh run, which stay in force.
+    run(&workspace, &["--lineage", "off"]);
+    let from_nothing = Workspace::new(&fem(12));
+    save(&from_nothing, &sphere(0.02, 4));
+    run(&from_nothing, &[]);
+    assert!(bytes(&workspace) == bytes(&from_nothing));
+    run(&workspace, &[]);
+    assert!(bytes(&workspace) == bytes(&from_nothing));
 }

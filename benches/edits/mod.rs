@@ -56,8 +56,11 @@ fn remeshed(mesh: &TriMesh, rng: &mut ChaCha8Rng) -> Edit {
         seed: rng.random(),
         ..FamilyRecipe::default()
     };
-    let mut family = Family::of(mesh, &recipe).expect("the mesh has variants");
-    Edit { what: what.into(), mesh: family.members.remove(0) }
+    match Family::of(mesh, &recipe) {
+        Ok(mut family) => Edit { what: what.into(), mesh: family.members.remove(0) },
+        // Patches that were moved into one another have none.
+        Err(_) => moved_patch(mesh, rng),
+    }
 }
 
 /// The unit normal at a vertex.

@@ -37,6 +37,11 @@ impl MeshHash {
         Self(*hasher.finalize().as_bytes())
     }
 
+    /// The hash with these bytes, which [`as_bytes`](Self::as_bytes) gave.
+    pub fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+
     /// The 32 bytes of the digest.
     pub fn as_bytes(&self) -> &[u8; 32] {
         &self.0

@@ -317,30 +317,32 @@ pub struct Provenance {
     pub chladni: String,
     /// The parameters of the pipeline that can change a number.
     pub parameters: serde_json::Value,
-    /// The previous version whose blocks these pairs come from; only there when they do.
+    /// The previous version that these pairs come from; only there when they do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grown_from: Option<Ancestor>,
 }
 
-/// A previous version of a mesh, and what became of its blocks.
+/// A previous version of a mesh, and what was taken from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ancestor {
-    /// The mesh that the blocks were trained for.
+    /// The mesh that its blocks were trained for, or whose pairs the solver began with.
     pub mesh: MeshHash,
-    /// What was done with them.
-    pub blocks: Inheritance,
+    /// What was taken from it.
+    pub how: Inheritance,
 }
 
-/// What was done with the blocks of a previous version.
+/// What was taken from a previous version.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Inheritance {
-    /// They predict as they are.
+    /// Its blocks, which predict as they are.
     AsTheyAre,
-    /// Their heads were solved on the new mesh.
+    /// Its trunks, with heads solved on the new mesh.
     Heads,
-    /// Training went on from their weights.
+    /// Its weights, from which training went on.
     FineTuned,
+    /// Its eigenfunctions, with which the solver began.
+    WarmStart,
 }
 
 impl Provenance {
@@ -348,11 +350,6 @@ impl Provenance {
     pub fn new(parameters: serde_json::Value) -> Self {
         Self { chladni: env!("CARGO_PKG_VERSION").to_owned(), parameters, grown_from: None }
     }
-}
-
-impl Inheritance {
-    /// From the least work to the most.
-    pub const ALL: [Self; 3] = [Self::AsTheyAre, Self::Heads, Self::FineTuned];
 }
 
 #[cfg(test)]

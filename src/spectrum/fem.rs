@@ -47,6 +47,10 @@ const RATE: f64 = 1.2;
 /// before. A look costs as much as a step or two.
 const FIRST_LOOK: usize = 92;
 
+/// From a good start, so many columns for every pair and this many more.
+const NEAR_PER_PAIR: usize = 3;
+const FIRST_LOOK_NEAR: usize = 52;
+
 /// Searches for eigenvalues that an earlier one missed.
 const ATTEMPTS: u64 = 16;
 
@@ -74,6 +78,29 @@ pub fn lowest(
     analysis: &Analysis<'_>,
     k: usize,
 ) -> Result<Reference, SpectrumError> {
+    solved(problem, analysis, k, None)
+}
+
+/// The same from functions that are nearly eigenfunctions, n×m on the free vertices: those of λ = 0 and more of the lowest.
+/// Which pairs are found, and how exactly, does not depend on them; how long it takes does.
+///
+/// # Errors
+/// As [`lowest`].
+pub fn lowest_near(
+    problem: &Problem<'_>,
+    analysis: &Analysis<'_>,
+    k: usize,
+    near: &Dense,
+) -> Result<Reference, SpectrumError> {
+    solved(problem, analysis, k, Some(near))
+}
+
+fn solved(
+    problem: &Problem<'_>,
+    analysis: &Analysis<'_>,
+    k: usize,
+    near: Option<&Dense>,
+) -> Result<Reference, SpectrumError> {
     let pencil = problem.pencil();
     let (n, area) = (pencil.n(), pencil.area());
     if k > n {
@@ -82,8 +109,12 @@ pub fn lowest(
     if n <= DENSE || (n <= 4 * k && n <= LARGEST_DENSE) {
         return from_all(problem, analysis, k);
     }
-    let search = Search::new(pencil, k);
     let vectors = problem.nullspace().clone();
+    let known = vectors.ncols();
+    let start = near.filter(|near| near.ncols() > known);
+    let start =
+        start.map(|near| Panel::sums(&near.subcols(known, near.ncols() - known).to_owned()));
+    let search = Search { start, ..Search::new(pencil, k) };
     let zeros = Eigenpairs { values: vec![0.0; vectors.ncols()], vectors };
     let (mut pairs, next) = match search.extend(analysis, zeros, Goal::First, 0) {
         // A long cluster above λ_k can fill the Krylov space of a small problem.
@@ -148,12 +179,14 @@ struct Search<'a> {
     area: f64,
     /// A residual that is as small as rounding allows.
     floor: f64,
+    /// Sums of functions that are nearly eigenfunctions, where there are any.
+    start: Option<Panel>,
 }
 
 impl<'a> Search<'a> {
     fn new(pencil: Pencil<'a>, k: usize) -> Self {
         let floor = ROUNDINGS * f64::EPSILON * largest_eigenvalue(pencil);
-        Self { pencil, k, area: pencil.area(), floor }
+        Self { pencil, k, area: pencil.area(), floor, start: None }
     }
 
     /// Finds the lowest pairs orthogonal to those found so far. Returns all in ascending order, and the eigenvalue that
@@ -171,8 +204,14 @@ impl<'a> Search<'a> {
             .step_by(WIDTH)
             .map(|first| Panel::from_columns(&found.vectors, first))
             .collect();
-        let mut krylov = Krylov::new(factor, self.pencil.mass, known, attempt);
-        let mut look_at = 3 * self.k.saturating_sub(found.len()) + FIRST_LOOK;
+        let wanted = self.k.saturating_sub(found.len());
+        let (mut krylov, mut look_at) = match (&self.start, goal) {
+            (Some(start), Goal::First) => (
+                Krylov::from_start(factor, self.pencil.mass, known, start.clone(), attempt),
+                NEAR_PER_PAIR * wanted + FIRST_LOOK_NEAR,
+            ),
+            _ => (Krylov::new(factor, self.pencil.mass, known, attempt), 3 * wanted + FIRST_LOOK),
+        };
         loop {
             while krylov.dimension() < look_at {
                 krylov.grow();
@@ -424,6 +463,33 @@ mod tests {
         assert_eq!(found.pairs.values[11], 0.0);
         for value in &found.pairs.values[12..] {
             assert!((value / found.pairs.values[12] - 1.0).abs() < 1e-10, "{value}");
+        }
+    }
+
+    #[test]
+    fn whatever_the_search_begins_with_it_finds_the_same() {
+        let sphere = icosphere(3);
+        let flat = sphere.vertices().iter().map(|&[x, y, z]| [x, 0.8 * y, 0.7 * z]).collect();
+        let operators = Operators::assemble(
+            &TriMesh::new(flat, sphere.faces().to_vec()).unwrap(),
+            MassKind::Lumped,
+        );
+        let operators = operators.unwrap();
+        let labels = component_labels(&sphere);
+        let problem = Problem::new(&operators, Boundary::Neumann, &labels).unwrap();
+        let analysis = Analysis::new(problem.pencil()).unwrap();
+        let cold = lowest(&problem, &analysis, 20).unwrap();
+        let n = problem.pencil().n();
+        // Those of a sphere, all alike, nothing, and fewer than are wanted.
+        let alike = Dense::from_fn(n, 20, |i, j| if j == 0 { 1.0 } else { i as f64 });
+        let few = cold.pairs.vectors.subcols(0, 5).to_owned();
+        let own = solve(3, MassKind::Lumped, 20).vectors;
+        for start in [own, alike, Dense::zeros(n, 20), few, Dense::zeros(n, 0)] {
+            let warm = lowest_near(&problem, &analysis, 20, &start).unwrap();
+            assert_eq!((warm.pairs.len(), warm.count), (cold.pairs.len(), cold.count));
+            for (warm, cold) in warm.pairs.values.iter().zip(&cold.pairs.values).skip(1) {
+                assert!((warm / cold - 1.0).abs() < 1e-11, "{warm} {cold}");
+            }
         }
     }
 

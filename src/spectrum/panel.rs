@@ -66,6 +66,16 @@ impl Panel {
         panel
     }
 
+    /// Column j is the sum of the columns j, j + 8, j + 16, … of a dense matrix.
+    pub fn sums(x: &Dense) -> Self {
+        let mut panel = Self::zeros(x.nrows());
+        for j in 0..x.ncols() {
+            let column = super::pencil::column(x, j);
+            panel.rows.iter_mut().zip(column).for_each(|(row, &value)| row[j % WIDTH] += value);
+        }
+        panel
+    }
+
     /// Writes the first columns to columns `first..` of a dense matrix, as many as fit.
     pub fn write_columns(&self, x: &mut Dense, first: usize) {
         self.write_to(columns_mut(x).skip(first).take(WIDTH).collect());

@@ -11,7 +11,7 @@ use super::factor::Analysis;
 use super::fem::{self, ROUNDINGS, largest_eigenvalue};
 use super::lanczos::{Krylov, Ritz};
 use super::panel::{Panel, WIDTH};
-use super::pencil::{column, combine};
+use super::pencil::combine;
 use super::rayleigh_ritz::ritz_pairs;
 use super::{Dense, Eigenpairs, Pencil, Problem, SpectrumError};
 
@@ -80,7 +80,7 @@ pub fn lowest_from(
     let factor = analysis.positive(mu)?;
     let known = (0..zeros.ncols()).step_by(WIDTH).map(|first| Panel::from_columns(zeros, first));
     let mut krylov =
-        Krylov::from_start(factor, pencil.mass, known.collect(), sums_of_eight(start), 0);
+        Krylov::from_start(factor, pencil.mass, known.collect(), Panel::sums(start), 0);
     let goal = Goal::new(pencil, mu);
     loop {
         krylov.grow();
@@ -98,16 +98,6 @@ pub fn lowest_from(
             return Err(SpectrumError::NotConverged { iterations: dimension / WIDTH, excess });
         }
     }
-}
-
-/// Column j is the sum of the functions j, j + 8, j + 16, …
-fn sums_of_eight(functions: &Dense) -> Panel {
-    let mut sums = Panel::zeros(functions.nrows());
-    for j in 0..functions.ncols() {
-        let values = column(functions, j);
-        sums.rows_mut().iter_mut().zip(values).for_each(|(row, v)| row[j % WIDTH] += v);
-    }
-    sums
 }
 
 /// What is asked of residuals.

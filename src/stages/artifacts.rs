@@ -31,6 +31,7 @@ macro_rules! artifact {
 }
 
 artifact!(FamilyArtifact, "remesh", version 1, schema 1);
+artifact!(SurfaceArtifact, "surface", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
 artifact!(TuneArtifact, "tune", version 1, schema 1);
 artifact!(TrunkArtifact, "train", version 3, schema 4);
@@ -40,6 +41,24 @@ artifact!(ReferenceArtifact, "reference", version 2, schema 2);
 artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
 artifact!(RefinementArtifact, "refine", version 1, schema 1);
 artifact!(CertificateArtifact, "certify", version 2, schema 1);
+
+/// A mesh: positions and triangles.
+#[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
+pub struct SurfaceArtifact(MeshParts);
+
+impl From<&TriMesh> for SurfaceArtifact {
+    fn from(mesh: &TriMesh) -> Self {
+        Self(mesh.into())
+    }
+}
+
+impl TryFrom<SurfaceArtifact> for TriMesh {
+    type Error = InvalidMesh;
+
+    fn try_from(SurfaceArtifact(parts): SurfaceArtifact) -> Result<Self, InvalidMesh> {
+        Self::new(parts.vertices, parts.faces)
+    }
+}
 
 /// The variants of a mesh: positions and triangles.
 #[derive(Debug, Clone, PartialEq, Archive, Serialize, Deserialize)]
@@ -54,13 +73,15 @@ struct MeshParts {
     faces: Vec<[u32; 3]>,
 }
 
+impl From<&TriMesh> for MeshParts {
+    fn from(mesh: &TriMesh) -> Self {
+        Self { vertices: mesh.vertices().to_vec(), faces: mesh.faces().to_vec() }
+    }
+}
+
 impl From<&Family> for FamilyArtifact {
     fn from(family: &Family) -> Self {
-        let parts = |mesh: &TriMesh| MeshParts {
-            vertices: mesh.vertices().to_vec(),
-            faces: mesh.faces().to_vec(),
-        };
-        Self { members: family.members.iter().map(parts).collect() }
+        Self { members: family.members.iter().map(MeshParts::from).collect() }
     }
 }
 

@@ -13,7 +13,7 @@ use super::predict::Predicted;
 use super::refine::Refinement;
 use super::train::{Chosen, InTraining, TrainedBlock};
 use super::work::{Work, canonical};
-use super::{lineage, models, predict, reference, stand_in};
+use super::{lineage, models, predict, reference, stand_in, warm};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::features::Features;
@@ -47,13 +47,12 @@ pub struct Grown {
     /// The model that they came from.
     pub parent: Arc<Parent>,
     /// By what.
-    pub step: Inheritance,
+    pub how: Inheritance,
 }
 
 impl Grown {
-    /// As results tell of it.
-    pub fn ancestor(&self) -> Ancestor {
-        Ancestor { mesh: self.parent.mesh(), blocks: self.step }
+    fn ancestor(&self) -> Ancestor {
+        Ancestor { mesh: self.parent.mesh(), how: self.how }
     }
 }
 
@@ -84,6 +83,8 @@ pub enum Origin {
         reference: Box<Reference>,
         /// Solved in this run or reused.
         how: How,
+        /// What it began with; nothing where it began with nothing.
+        grown: Option<Ancestor>,
     },
     /// M-PGD.
     Mpgd {
@@ -103,11 +104,12 @@ impl Origin {
         }
     }
 
-    /// What they grew from, if they did.
-    pub fn grown(&self) -> Option<&Grown> {
+    /// The previous version that they grew from, if they did.
+    pub fn ancestor(&self) -> Option<Ancestor> {
         match self {
-            Self::Learned { grown, .. } => grown.as_ref(),
-            Self::Predicted { .. } | Self::Fem { .. } | Self::Mpgd { .. } => None,
+            Self::Learned { grown, .. } => grown.as_ref().map(Grown::ancestor),
+            Self::Fem { grown, .. } => *grown,
+            Self::Predicted { .. } | Self::Mpgd { .. } => None,
         }
     }
 }
@@ -235,11 +237,11 @@ pub fn solve(
             (vectors, digest, how, spent, Origin::Mpgd { opinion, how })
         }
         Method::Fem | Method::LepDpinn | Method::Predict => {
-            let Recalled { artifact, digest, how, spent, .. } =
-                reference::fem(context, item, &assembled)?;
+            let (recalled, grown) = warm::fem(context, item, &assembled)?;
+            let Recalled { artifact, digest, how, spent, .. } = recalled;
             let reference = Box::new(Reference::from(artifact));
             let vectors = reference.pairs.vectors.subcols(0, k).to_owned();
-            (vectors, digest, how, spent, Origin::Fem { reference, how })
+            (vectors, digest, how, spent, Origin::Fem { reference, how, grown })
         }
     };
     assembled.loaded.spent("solve", how, spent);

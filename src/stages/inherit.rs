@@ -83,7 +83,7 @@ pub fn inherit(
         return Ok(Way::Open(assembled));
     }
     let mesh = assembled.loaded.job.name.clone();
-    for step in Inheritance::ALL {
+    for step in Step::ALL {
         match attempt(context, item, assembled.clone(), &parent, step) {
             Ok(None) => {}
             // A plan does not know what comes of it: the certificate decides.
@@ -91,7 +91,7 @@ pub fn inherit(
                 return Ok(Way::Settled(Box::new(verified)));
             }
             Ok(Some((model, verified))) if verified.judgement.is_verified() => {
-                tracing::info!("{mesh}: {} ({})", message(step), parent.name);
+                tracing::info!("{mesh}: {} ({})", step.message(), parent.name);
                 lineage::record(context, &verified.assembled.loaded, &model, Some(&parent));
                 return Ok(Way::Settled(Box::new(verified)));
             }
@@ -107,12 +107,33 @@ pub fn inherit(
     Ok(Way::Open(assembled))
 }
 
-/// What happened, in words.
-fn message(step: Inheritance) -> &'static str {
-    match step {
-        Inheritance::AsTheyAre => "predicted with the blocks of the previous version",
-        Inheritance::Heads => "the blocks of the previous version, with heads solved on this mesh",
-        Inheritance::FineTuned => "fine-tuned from the blocks of the previous version",
+/// What is tried with the blocks, from the least work to the most.
+#[derive(Debug, Clone, Copy)]
+enum Step {
+    AsTheyAre,
+    Heads,
+    FineTuned,
+}
+
+impl Step {
+    const ALL: [Self; 3] = [Self::AsTheyAre, Self::Heads, Self::FineTuned];
+
+    /// As results tell of it.
+    fn recorded(self) -> Inheritance {
+        match self {
+            Self::AsTheyAre => Inheritance::AsTheyAre,
+            Self::Heads => Inheritance::Heads,
+            Self::FineTuned => Inheritance::FineTuned,
+        }
+    }
+
+    /// What happened, in words.
+    fn message(self) -> &'static str {
+        match self {
+            Self::AsTheyAre => "predicted with the blocks of the previous version",
+            Self::Heads => "the blocks of the previous version, with heads solved on this mesh",
+            Self::FineTuned => "fine-tuned from the blocks of the previous version",
+        }
     }
 }
 
@@ -123,22 +144,22 @@ fn attempt(
     item: usize,
     assembled: Assembled,
     parent: &Arc<Parent>,
-    step: Inheritance,
+    step: Step,
 ) -> Result<Option<(String, Verified)>, Failure> {
     let k = context.pipeline.train.k;
     let features = parent.features(&assembled.loaded);
-    let grown = Grown { parent: parent.clone(), step };
+    let grown = Grown { parent: parent.clone(), how: step.recorded() };
     let (model, candidates) = match (step, parent.blocks_to(k)) {
-        (Inheritance::AsTheyAre | Inheritance::Heads, None) => return Ok(None),
-        (Inheritance::AsTheyAre, Some(blocks)) => {
+        (Step::AsTheyAre | Step::Heads, None) => return Ok(None),
+        (Step::AsTheyAre, Some(blocks)) => {
             let made = candidates::forward(context, item, assembled, &features, blocks, true)?;
             (parent.name.clone(), learned(made, blocks, grown))
         }
-        (Inheritance::Heads, Some(blocks)) => {
+        (Step::Heads, Some(blocks)) => {
             let made = with_heads_solved_here(context, item, assembled, &features, blocks, parent)?;
             (parent.name.clone(), learned(made, blocks, grown))
         }
-        (Inheritance::FineTuned, _) => {
+        (Step::FineTuned, _) => {
             let Some(trained) = fine_tuned(context, item, assembled, parent)? else {
                 return Ok(None);
             };

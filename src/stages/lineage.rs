@@ -84,13 +84,10 @@ impl Parent {
 /// The model that the mesh is to begin with, where it has one.
 pub fn parent(context: &Context, loaded: &Loaded) -> Option<Arc<Parent>> {
     let store = context.store.as_ref().filter(|_| context.lineage)?;
-    let name = match store.get::<VersionArtifact>(&version_key(&context.pipeline, loaded.hash)) {
+    let own = version_key::<VersionArtifact>(&context.pipeline, &loaded.hash);
+    let name = match store.get::<VersionArtifact>(&own) {
         Some(version) => version.artifact.parent?,
-        None => {
-            let last = store.get::<PathArtifact>(&path_key(&context.pipeline, loaded)?)?;
-            let version = CacheKey::from_bytes(last.artifact.version);
-            store.get::<VersionArtifact>(&version)?.artifact.model
-        }
+        None => store.get::<VersionArtifact>(&last_version(context, loaded)?)?.artifact.model,
     };
     let Stored { name, description, blocks } = models::named(store, &name)?;
     let trained: Train = serde_json::from_value(description.parameters["train"].clone()).ok()?;
@@ -103,14 +100,28 @@ pub fn parent(context: &Context, loaded: &Loaded) -> Option<Arc<Parent>> {
 /// a warning and nothing else.
 pub fn record(context: &Context, loaded: &Loaded, model: &str, parent: Option<&Parent>) {
     let Some(store) = context.writable() else { return };
-    let version =
-        VersionArtifact { model: model.into(), parent: parent.map(|parent| parent.name.clone()) };
-    let key = version_key(&context.pipeline, loaded.hash);
-    let path = path_key(&context.pipeline, loaded);
-    let last = PathArtifact { version: *key.as_bytes() };
-    put(store, &key, &version);
-    if let Some(path) = path {
-        put(store, &path, &last);
+    let parent = parent.map(|parent| parent.name.clone());
+    note(context, store, loaded, &VersionArtifact { model: model.into(), parent });
+}
+
+/// The key of the version that the mesh's path had last.
+pub fn last_version(context: &Context, loaded: &Loaded) -> Option<CacheKey> {
+    let path = path_key(&context.pipeline, loaded)?;
+    let last = context.store.as_ref()?.get::<PathArtifact>(&path)?;
+    Some(CacheKey::from_bytes(last.artifact.version))
+}
+
+/// Stores the version of a mesh, and that its path has it now.
+pub fn note<V: Artifact + PartialEq>(
+    context: &Context,
+    store: &Store,
+    loaded: &Loaded,
+    version: &V,
+) {
+    let key = version_key::<V>(&context.pipeline, &loaded.hash);
+    put(store, &key, version);
+    if let Some(path) = path_key(&context.pipeline, loaded) {
+        put(store, &path, &PathArtifact { version: *key.as_bytes() });
     }
 }
 
@@ -140,8 +151,9 @@ pub fn superseded(store: &Store) -> Result<impl Fn(&str) -> bool, StoreError> {
     Ok(move |name: &str| all.contains(name) && !current.contains(name))
 }
 
-fn version_key(pipeline: &Pipeline, hash: MeshHash) -> CacheKey {
-    under(VersionArtifact::key(), pipeline).param("mesh", hash.as_bytes()).finish(0, "")
+/// Where the version with this content is, by the options of the pipeline.
+pub fn version_key<V: Artifact>(pipeline: &Pipeline, mesh: &MeshHash) -> CacheKey {
+    under(V::key(), pipeline).param("mesh", mesh.as_bytes()).finish(0, "")
 }
 
 /// `None` for a file that is gone.
@@ -151,9 +163,13 @@ fn path_key(pipeline: &Pipeline, loaded: &Loaded) -> Option<CacheKey> {
     Some(key.param("path", path.as_os_str().as_encoded_bytes()).finish(0, ""))
 }
 
-/// What blocks depend on besides the mesh: with trunks of their own not on K.
+/// What results depend on besides the mesh: with trunks of their own, and with solved pairs, not on K.
 fn under(key: KeyBuilder, pipeline: &Pipeline) -> KeyBuilder {
     let Pipeline { input: _, family, operators, features, train, verify: _, publish: _ } = pipeline;
+    let key = key.param("operators", canonical(operators));
+    if train.method == Method::Fem {
+        return key.param("method", "fem");
+    }
     let train = Train {
         method: Method::LepDpinn,
         model: String::new(),
@@ -162,7 +178,6 @@ fn under(key: KeyBuilder, pipeline: &Pipeline) -> KeyBuilder {
         ..train.clone()
     };
     key.param("family", canonical(family))
-        .param("operators", canonical(operators))
         .param("features", canonical(&features.effective()))
         .param("train", canonical(&train))
 }

@@ -17,7 +17,7 @@
 //! - [`candidates`]: the stages `predict` and `solve`, which make what is verified
 //! - [`predict`]: prediction with a given model, for which nothing is assembled
 //! - [`refine`]: what a solver makes of learned functions
-//! - [`reference`]: what it is held against
+//! - [`reference`]: what it is held against; [`warm`]: a solver that begins with the previous version
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
 //! - [`weight`]: what a mesh takes of memory
@@ -49,6 +49,7 @@ pub mod train;
 pub mod tune;
 pub mod verdict;
 pub mod verify;
+pub mod warm;
 pub mod weight;
 pub mod work;
 

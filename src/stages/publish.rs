@@ -192,7 +192,7 @@ pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
         quality: Some(assembled.operators.quality.into()),
         repairs: (&assembled.loaded.ingested.repairs).into(),
         provenance: Provenance {
-            grown_from: verified.origin.grown().map(Grown::ancestor),
+            grown_from: verified.origin.ancestor(),
             ..Provenance::new(parameters(context, train))
         },
     }
@@ -267,7 +267,7 @@ fn source(origin: &Origin, refined: bool, j: usize) -> Source {
             Source::Constant
         }
         Origin::Learned { .. } | Origin::Predicted { .. } if refined => Source::Refined,
-        Origin::Learned { grown: Some(Grown { step: Inheritance::AsTheyAre, .. }), .. } => {
+        Origin::Learned { grown: Some(Grown { how: Inheritance::AsTheyAre, .. }), .. } => {
             Source::Predicted
         }
         Origin::Learned { grown: Some(_), .. } => Source::Finetuned,

@@ -22,7 +22,7 @@ pub fn fem(
     item: usize,
     assembled: &Assembled,
 ) -> Result<Recalled<ReferenceArtifact>, Failure> {
-    let work = posed::<ReferenceArtifact>(context, assembled);
+    let work = fem_work(context, assembled);
     let (n, k) = (free_vertices(context, assembled), context.pipeline.train.k);
     let stand_in = || stand_in::reference(n, k);
     context.recall_costly(item, work.seeded(0, "f64"), stand_in, || {
@@ -30,6 +30,11 @@ pub fn fem(
         let analysis = Analysis::new(problem.pencil())?;
         Ok((&fem::lowest(&problem, &analysis, context.pipeline.train.k)?).into())
     })
+}
+
+/// What the reference solver's pairs depend on.
+pub fn fem_work(context: &Context, assembled: &Assembled) -> Work<ReferenceArtifact> {
+    posed(context, assembled)
 }
 
 /// M-PGD's pairs, `count` of them: a cluster that K cuts is compared as a whole.

@@ -2,10 +2,12 @@
 
 use super::artifacts::{
     CertificateArtifact, CheckpointArtifact, FamilyArtifact, OperatorsArtifact, PredictionArtifact,
-    ReferenceArtifact, RefinementArtifact, SecondOpinionArtifact, TrunkArtifact, TuneArtifact,
+    ReferenceArtifact, RefinementArtifact, SecondOpinionArtifact, SurfaceArtifact, TrunkArtifact,
+    TuneArtifact,
 };
 use super::lineage::{self, PathArtifact, VersionArtifact};
 use super::models::{self, ModelArtifact};
+use super::warm::SolvedArtifact;
 use crate::store::{Kind, Store, StoreError};
 
 /// Every kind of entry that this version makes and can use.
@@ -24,6 +26,8 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<ModelArtifact>(),
         Kind::of::<VersionArtifact>(),
         Kind::of::<PathArtifact>(),
+        Kind::of::<SolvedArtifact>(),
+        Kind::of::<SurfaceArtifact>(),
     ]
 }
 
