@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::json::{document, null_is_nan};
-use super::result::{Completeness, Eigenpair, Spectrum, Verdict};
+use super::result::{Ancestor, Completeness, Eigenpair, Spectrum, Verdict};
 use crate::mesh::MeshHash;
 
 /// The format of `run.json`.
@@ -160,6 +160,9 @@ pub struct MeshReport {
     pub eigenpairs: Vec<PairReport>,
     /// Whether an eigenvalue was missed or repeated; null for a failed mesh.
     pub completeness: Option<Completeness>,
+    /// The previous version that its pairs come from; only there when they do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grown_from: Option<Ancestor>,
     /// Blocks that were trained.
     pub trained: usize,
     /// Blocks that came from the store.
@@ -210,6 +213,7 @@ impl MeshReport {
             out: Some(out),
             eigenpairs: eigenpairs.collect(),
             completeness: spectrum.completeness.clone(),
+            grown_from: spectrum.provenance.grown_from,
             trained: run.trained,
             reused: run.reused,
             seconds: run.seconds,
@@ -228,6 +232,7 @@ impl MeshReport {
             out: None,
             eigenpairs: Vec::new(),
             completeness: None,
+            grown_from: None,
             trained: 0,
             reused: 0,
             seconds,

@@ -352,5 +352,17 @@ impl Provenance {
     }
 }
 
+impl Inheritance {
+    /// What happened.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::AsTheyAre => "predicted with the blocks of a previous version",
+            Self::Heads => "trunks of a previous version, with heads solved on this mesh",
+            Self::FineTuned => "trained on from the blocks of a previous version",
+            Self::WarmStart => "solved, beginning with the eigenfunctions of a previous version",
+        }
+    }
+}
+
 #[cfg(test)]
 pub(super) mod tests;

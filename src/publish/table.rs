@@ -8,7 +8,7 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, LineStyle, Table};
 
 use super::report::{MeshReport, PairReport, RunReport, Status};
-use super::result::{Completeness, Eigenpair, Source};
+use super::result::{Ancestor, Completeness, Eigenpair, Source};
 use crate::spectrum::mpgd::StoppedBy;
 
 /// Digits of a hash that the table shows.
@@ -79,7 +79,9 @@ const RHO: Column = column("ρ", CellAlignment::Right, |report, _| two_digits(re
 const VERDICT: Column =
     column("verdict", CellAlignment::Left, |report, _| report.pair.verdict.name().to_owned());
 const SOURCE: Column = column("source", CellAlignment::Left, |report, _| {
-    if report.cached { "reused" } else { report.pair.source.name() }.to_owned()
+    // What an earlier version has given says more than that it was there.
+    let is_own = matches!(report.pair.source, Source::Trained | Source::Fem | Source::Mpgd);
+    if report.cached && is_own { "reused" } else { report.pair.source.name() }.to_owned()
 });
 const SECONDS: Column = column("s", CellAlignment::Right, |report, _| {
     measured(report.seconds, |seconds| format!("{seconds:.2}"))
@@ -132,6 +134,7 @@ pub fn mesh_table(mesh: &MeshReport) -> String {
         lines.extend(
             mesh.reason.as_deref().map(|reason| format!("unverified: {}", printable(reason))),
         );
+        lines.extend(mesh.grown_from.as_ref().map(ancestor));
         let blocks = match (mesh.trained, mesh.reused) {
             (0, 0) => String::new(),
             (trained, reused) => format!("{trained} trained, {reused} reused; "),
@@ -189,6 +192,10 @@ fn columns(pairs: &[PairReport]) -> &'static [Column] {
 
 fn mpgd_fell_short(report: &PairReport) -> bool {
     report.pair.mpgd.as_ref().is_some_and(|run| run.stopped_by != StoppedBy::Tolerance)
+}
+
+fn ancestor(ancestor: &Ancestor) -> String {
+    format!("{}, {:.12}", ancestor.how.in_words(), ancestor.mesh.to_string())
 }
 
 fn completeness(counted: &Completeness) -> String {

@@ -12,7 +12,7 @@ use super::lineage::Parent;
 use super::predict::Predicted;
 use super::refine::Refinement;
 use super::train::{Chosen, InTraining, TrainedBlock};
-use super::work::{Work, canonical};
+use super::work::{READ, Work, canonical};
 use super::{lineage, models, predict, reference, stand_in, warm};
 use crate::flow::events::How;
 use crate::ggnn::Block;
@@ -158,7 +158,8 @@ pub fn forward(
     let started = Instant::now();
     let boundary = context.pipeline.operators.boundary;
     let work = forward_work(context, &assembled, blocks);
-    let work = if foreign { work.param("reads", canonical(features)) } else { work };
+    let read = || Digest::of(&canonical(features));
+    let work = if foreign { work.input(READ, &read()) } else { work };
     let (n, k) = (assembled.loaded.ingested.mesh.n(), context.pipeline.train.k);
     let stand_in = || stand_in::functions(n, k);
     let recalled = context.recall_costly(item, work.seeded(0, "f32"), stand_in, || {

@@ -18,7 +18,7 @@ use super::family::{self, Prepared, network_input};
 use super::lineage::{self, Parent};
 use super::train::{self, Chosen, InTraining, TrainedBlock};
 use super::verify::{self, Verified};
-use super::work::canonical;
+use super::work::{READ, canonical};
 use super::{Failure, models, refine, remesh, stand_in};
 use crate::ggnn::Block;
 use crate::ggnn::features::Features;
@@ -30,6 +30,7 @@ use crate::publish::result::Inheritance;
 use crate::spectrum::cluster::zero_below;
 use crate::spectrum::refine::rayleigh_ritz;
 use crate::spectrum::{Dense, Pencil};
+use crate::store::Digest;
 
 /// A mesh on its way through the stages of training.
 #[derive(Debug)]
@@ -91,7 +92,7 @@ pub fn inherit(
                 return Ok(Way::Settled(Box::new(verified)));
             }
             Ok(Some((model, verified))) if verified.judgement.is_verified() => {
-                tracing::info!("{mesh}: {} ({})", step.message(), parent.name);
+                tracing::info!("{mesh}: {} ({})", step.recorded().in_words(), parent.name);
                 lineage::record(context, &verified.assembled.loaded, &model, Some(&parent));
                 return Ok(Way::Settled(Box::new(verified)));
             }
@@ -124,15 +125,6 @@ impl Step {
             Self::AsTheyAre => Inheritance::AsTheyAre,
             Self::Heads => Inheritance::Heads,
             Self::FineTuned => Inheritance::FineTuned,
-        }
-    }
-
-    /// What happened, in words.
-    fn message(self) -> &'static str {
-        match self {
-            Self::AsTheyAre => "predicted with the blocks of the previous version",
-            Self::Heads => "the blocks of the previous version, with heads solved on this mesh",
-            Self::FineTuned => "fine-tuned from the blocks of the previous version",
         }
     }
 }
@@ -201,7 +193,7 @@ fn with_heads_solved_here(
     let started = Instant::now();
     let (boundary, train) = (context.pipeline.operators.boundary, &parent.train);
     let work = forward_work(context, &assembled, blocks)
-        .param("reads", canonical(features))
+        .input(READ, &Digest::of(&canonical(features)))
         .param("heads", "solved here")
         .param("ridge", train.ridge.to_string())
         .param("penalty", canonical(&train::penalty(context, train)));
