@@ -1,6 +1,6 @@
 //! The text of small runs, letter by letter.
 
-use super::super::result::{Eigenpair, MpgdRun, Source, Verdict};
+use super::super::result::{Ancestor, Eigenpair, Inheritance, MpgdRun, Source, Verdict};
 use super::*;
 use crate::mesh::sample::icosphere;
 
@@ -52,10 +52,25 @@ fn sphere() -> MeshReport {
             complete: true,
             cut_cluster: false,
         }),
+        grown_from: None,
         trained: 2,
         reused: 0,
         seconds: 7.5,
     }
+}
+
+#[test]
+fn what_comes_from_a_previous_version_says_so() {
+    let mesh = icosphere(2).hash();
+    let mut grown = sphere();
+    grown.grown_from = Some(Ancestor { mesh, how: Inheritance::Heads });
+    for pair in &mut grown.eigenpairs {
+        (pair.pair.source, pair.cached) = (Source::Finetuned, true);
+    }
+    let text = mesh_table(&grown);
+    let line = "trunks of a previous version, with heads solved on this mesh, ";
+    assert!(text.contains(&format!("{line}{:.12}\n", mesh.to_string())), "{text}");
+    assert!(text.contains("finetuned") && !text.contains("verified  reused"), "{text}");
 }
 
 #[test]
