@@ -7,12 +7,12 @@ use super::Failure;
 use super::artifacts::PredictionArtifact;
 use super::assemble::Assembled;
 use super::context::{Context, Recalled};
-use super::family::network_input;
+use super::family::{TrainingSet, network_input};
 use super::lineage::Parent;
 use super::predict::Predicted;
 use super::refine::Refinement;
 use super::train::{Chosen, InTraining, TrainedBlock};
-use super::work::{READ, Work, canonical};
+use super::work::{PARENTS_FRAME, Work, canonical};
 use super::{lineage, models, predict, reference, stand_in, warm};
 use crate::flow::events::How;
 use crate::ggnn::Block;
@@ -126,7 +126,7 @@ pub fn predict(context: &Context, item: usize, trained: InTraining) -> Result<Ca
     let known = trained.known();
     let InTraining { assembled, blocks, training, chosen, .. } = trained;
     let Made { assembled, vectors, digest } =
-        forward(context, item, assembled, training.features(), &blocks, false)?;
+        forward(context, item, assembled, Read::Own(&training), &blocks)?;
     let origin = Origin::Learned { known, blocks, chosen, grown: None };
     Ok(Candidates { assembled, vectors, digest, origin, refinement: None })
 }
@@ -142,8 +142,25 @@ pub struct Made {
     pub digest: Digest,
 }
 
-/// The functions that `blocks` predict on the mesh, of which they read `features`; `foreign` when those are not the ones that
-/// the mesh and the pipeline say.
+/// What blocks read of a mesh.
+#[derive(Debug, Clone, Copy)]
+pub enum Read<'a> {
+    /// What follows from the mesh and the options; it may take a while to make, and most runs find the functions in the store.
+    Own(&'a TrainingSet),
+    /// What the blocks of a previous version read: in its frame, or from its landmarks.
+    Parents(&'a Features),
+}
+
+impl Read<'_> {
+    fn features(&self) -> &Features {
+        match self {
+            Self::Own(training) => training.features(),
+            Self::Parents(features) => features,
+        }
+    }
+}
+
+/// The functions that `blocks` predict on the mesh.
 ///
 /// # Errors
 /// When the run is interrupted.
@@ -151,20 +168,17 @@ pub fn forward(
     context: &Context,
     item: usize,
     mut assembled: Assembled,
-    features: &Features,
+    read: Read<'_>,
     blocks: &[TrainedBlock],
-    foreign: bool,
 ) -> Result<Made, Failure> {
     let started = Instant::now();
     let boundary = context.pipeline.operators.boundary;
-    let work = forward_work(context, &assembled, blocks);
-    let read = || Digest::of(&canonical(features));
-    let work = if foreign { work.input(READ, &read()) } else { work };
+    let work = forward_work(context, &assembled, read, blocks);
     let (n, k) = (assembled.loaded.ingested.mesh.n(), context.pipeline.train.k);
     let stand_in = || stand_in::functions(n, k);
     let recalled = context.recall_costly(item, work.seeded(0, "f32"), stand_in, || {
         let operators = &assembled.operators;
-        let input = network_input(features, &assembled.loaded.ingested.mesh, operators)
+        let input = network_input(read.features(), &assembled.loaded.ingested.mesh, operators)
             .with_zeros_at(boundary.fixed(&operators.boundary));
         let blocks: Vec<&Block> = blocks.iter().map(|trained| &*trained.block).collect();
         let problem = assembled.problem(boundary)?;
@@ -180,17 +194,20 @@ pub fn forward(
 pub fn forward_work(
     context: &Context,
     assembled: &Assembled,
+    read: Read<'_>,
     blocks: &[TrainedBlock],
 ) -> Work<PredictionArtifact> {
-    blocks.iter().fold(
-        Work::<PredictionArtifact>::of_stage()
-            .param("features", canonical(&context.pipeline.features.effective()))
-            .param("boundary", context.pipeline.operators.boundary.name())
-            .param("k", context.pipeline.train.k.to_string())
-            .input("mesh", &assembled.loaded.digest())
-            .input("operators", &assembled.operators_digest),
-        |work, block| work.input(format!("block {}", block.k), &block.digest),
-    )
+    let work = Work::<PredictionArtifact>::of_stage()
+        .param("features", canonical(&context.pipeline.features.effective()))
+        .param("boundary", context.pipeline.operators.boundary.name())
+        .param("k", context.pipeline.train.k.to_string())
+        .input("mesh", &assembled.loaded.digest())
+        .input("operators", &assembled.operators_digest);
+    let work = match read {
+        Read::Own(_) => work,
+        Read::Parents(features) => work.input(PARENTS_FRAME, &Digest::of(&canonical(features))),
+    };
+    blocks.iter().fold(work, |work, block| work.input(format!("block {}", block.k), &block.digest))
 }
 
 /// Predicts the eigenfunctions of the mesh with the model of the run.

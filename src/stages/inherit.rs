@@ -12,13 +12,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::assemble::Assembled;
-use super::candidates::{self, Candidates, Grown, Made, Origin, forward_work};
+use super::candidates::{self, Candidates, Grown, Made, Origin, Read, forward_work};
 use super::context::Context;
 use super::family::{self, Prepared, network_input};
 use super::lineage::{self, Parent};
 use super::train::{self, Chosen, InTraining, TrainedBlock};
 use super::verify::{self, Verified};
-use super::work::{READ, canonical};
+use super::work::canonical;
 use super::{Failure, models, refine, remesh, stand_in};
 use crate::ggnn::Block;
 use crate::ggnn::features::Features;
@@ -30,7 +30,6 @@ use crate::publish::result::Inheritance;
 use crate::spectrum::cluster::zero_below;
 use crate::spectrum::refine::rayleigh_ritz;
 use crate::spectrum::{Dense, Pencil};
-use crate::store::Digest;
 
 /// A mesh on its way through the stages of training.
 #[derive(Debug)]
@@ -144,7 +143,8 @@ fn attempt(
     let (model, candidates) = match (step, parent.blocks_to(k)) {
         (Step::AsTheyAre | Step::Heads, None) => return Ok(None),
         (Step::AsTheyAre, Some(blocks)) => {
-            let made = candidates::forward(context, item, assembled, &features, blocks, true)?;
+            let made =
+                candidates::forward(context, item, assembled, Read::Parents(&features), blocks)?;
             (parent.name.clone(), learned(made, blocks, grown))
         }
         (Step::Heads, Some(blocks)) => {
@@ -192,8 +192,7 @@ fn with_heads_solved_here(
 ) -> Result<Made, Failure> {
     let started = Instant::now();
     let (boundary, train) = (context.pipeline.operators.boundary, &parent.train);
-    let work = forward_work(context, &assembled, blocks)
-        .input(READ, &Digest::of(&canonical(features)))
+    let work = forward_work(context, &assembled, Read::Parents(features), blocks)
         .param("heads", "solved here")
         .param("ridge", train.ridge.to_string())
         .param("penalty", canonical(&train::penalty(context, train)));

@@ -13,7 +13,7 @@ use super::checkpoints::{self, Checkpoints};
 use super::context::{Context, Stop};
 use super::family::{Prepared, Seen, TrainingSet};
 use super::lineage::Parent;
-use super::work::{READ, Work, canonical};
+use super::work::{PARENTS_FRAME, Work, canonical};
 use super::{Failure, stand_in};
 use crate::flow::events::How;
 use crate::ggnn::Block;
@@ -173,7 +173,7 @@ fn work(
         .param("head subdivisions", train.head_subdivisions.to_string());
     let mut work = of_family(work, context, &state.assembled, &state.training, train);
     if state.parent.is_some() {
-        work = work.input(READ, &Digest::of(&canonical(state.training.features())));
+        work = work.input(PARENTS_FRAME, &Digest::of(&canonical(state.training.features())));
     }
     if let Some(parent) = state.parent_of(*wanted.start(), recipe) {
         work = work.input("parent", &parent.digest);

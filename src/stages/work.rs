@@ -106,9 +106,8 @@ fn gathered(inputs: &[(String, Digest)]) -> BTreeMap<String, String> {
     roles.into_iter().map(|(role, bytes)| (role.to_string(), short(&bytes))).collect()
 }
 
-/// The role of what a network reads of a mesh, where that is not what the mesh and the options say: a parent's frame, or its
-/// landmarks.
-pub const READ: &str = "frame of the previous version";
+/// The role of what a network reads of a mesh, where a previous version says it: its frame, or its landmarks.
+pub const PARENTS_FRAME: &str = "frame of the previous version";
 
 /// Options as the bytes that stand for them in a key.
 ///
