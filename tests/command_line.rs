@@ -74,6 +74,59 @@ fn exit_2_when_another_run_holds_the_cache() {
 }
 
 #[test]
+fn two_runs_on_one_cache_do_not_meet() {
+    let workspace =
+        Workspace::new(&QUICK.replace("steps = 4", "steps = 250\nlearning_rate = 1e-4"));
+    let mut first = workspace.run(&[]);
+    let first = first.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+    let mut first = first.spawn().unwrap();
+    while workspace.events().is_empty() {
+        assert!(first.try_wait().unwrap().is_none(), "it ended too early");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let second = workspace.run(&[]).output().unwrap();
+    let holder = format!("is in use by process {};", first.id());
+    assert_eq!(second.status.code(), Some(2), "{}", text(&second));
+    assert!(text(&second).contains(&holder), "{}", text(&second));
+    let cache = workspace.path("cache");
+    for command in ["stat", "verify", "gc", "clear"] {
+        let output = chladni(&["cache", command, "--cache", cache.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{command}: {}", text(&output));
+        assert!(text(&output).contains(&holder), "{command}: {}", text(&output));
+    }
+    let first = first.wait_with_output().unwrap();
+    assert_eq!(first.status.code(), Some(0), "{}", text(&first));
+    assert_eq!(workspace.report(&[]).1.meshes[0].reused, 3);
+}
+
+#[test]
+fn exit_2_for_the_cache_of_a_newer_chladni_which_is_left_as_it_is() {
+    let workspace = Workspace::new(QUICK);
+    workspace.report(&[]);
+    workspace.write("cache/chladni.format", "chladni store 2\nof a later day\n");
+    let files = || {
+        let items = std::fs::read_dir(workspace.path("cache/chladni.sled")).unwrap();
+        let mut files: Vec<_> =
+            items.map(|item| item.unwrap().path()).filter(|p| p.is_file()).collect();
+        files.sort();
+        files.into_iter().map(|path| (std::fs::read(&path).unwrap(), path)).collect::<Vec<_>>()
+    };
+    let before = files();
+    let output = workspace.run(&[]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(
+        text(&output)
+            .contains("has format 2, and this chladni knows formats up to 1; update chladni")
+    );
+    let cache = workspace.path("cache");
+    for command in ["stat", "verify", "gc"] {
+        let output = chladni(&["cache", command, "--cache", cache.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{command}: {}", text(&output));
+    }
+    assert!(files() == before);
+}
+
+#[test]
 fn what_could_not_be_written_is_tried_again() {
     let workspace = Workspace::new(QUICK);
     std::fs::create_dir(workspace.path("out")).unwrap();

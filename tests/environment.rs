@@ -58,16 +58,22 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-fn permit_all(folder: &Path, of_folders: u32, of_files: u32) {
+/// Takes the right to write away from everybody, or gives it back to the owner.
+fn make_writable(folder: &Path, writable: bool) {
     for item in fs::read_dir(folder).unwrap() {
         let path = item.unwrap().path();
         if path.is_dir() {
-            permit_all(&path, of_folders, of_files);
+            make_writable(&path, writable);
         } else {
-            permit(&path, of_files);
+            change(&path, writable);
         }
     }
-    permit(folder, of_folders);
+    change(folder, writable);
+}
+
+fn change(path: &Path, writable: bool) {
+    let mode = fs::metadata(path).unwrap().permissions().mode();
+    permit(path, if writable { mode | 0o200 } else { mode & !0o222 });
 }
 
 /// A workspace that others may look into, with a place for their results.
@@ -91,7 +97,7 @@ fn a_cache_that_may_only_be_read_is_used_and_stays_as_it_is() {
     fs::remove_dir_all(workspace.path("out")).unwrap();
     fs::create_dir(workspace.path("out")).unwrap();
     permit(&workspace.path("out"), 0o777);
-    permit_all(&cache, 0o555, 0o444);
+    make_writable(&cache, false);
     let before = contents(&cache);
 
     let Some(mut command) = unprivileged(&workspace.run(&[])) else { return };
@@ -117,7 +123,7 @@ fn a_cache_that_may_only_be_read_is_used_and_stays_as_it_is() {
     let output = unprivileged(&stat).unwrap().output().unwrap();
     assert!(text(&output).contains("train "), "{}", text(&output));
     assert!(contents(&cache) == before);
-    permit_all(&cache, 0o755, 0o644);
+    make_writable(&cache, true);
 }
 
 #[test]

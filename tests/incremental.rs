@@ -5,7 +5,7 @@ mod common;
 use std::collections::BTreeSet;
 
 use chladni::flow::events::{Event, How};
-use common::{QUICK, Workspace, ellipsoid};
+use common::{FEM, QUICK, Workspace, ellipsoid};
 
 fn computed(events: &[Event]) -> Vec<(&str, Option<usize>)> {
     let computed = events.iter().filter(|event| event.how == How::Computed);
@@ -237,6 +237,70 @@ fn another_file_with_the_same_numbers_shares_everything() {
     let (events, counts) = during(&workspace, &[]);
     assert_eq!(counts, [0, 3]);
     assert_eq!(computed(&events), []);
+}
+
+#[test]
+fn another_format_other_materials_and_what_ingest_repairs_share_everything() {
+    let workspace = Workspace::new(QUICK);
+    during(&workspace, &[]);
+    let sphere = std::fs::read_to_string(workspace.path("meshes/sphere.obj")).unwrap();
+    let lines = |prefix| sphere.lines().filter_map(move |line| line.strip_prefix(prefix));
+    let faces = lines("f ").map(|face| {
+        let corners = face.split(' ').map(|corner| corner.parse::<usize>().unwrap() - 1);
+        format!("3 {}\n", corners.map(|corner| corner.to_string()).collect::<Vec<_>>().join(" "))
+    });
+    let vertices = lines("v ").map(|vertex| format!("{vertex}\n"));
+    let count = (lines("v ").count(), lines("f ").count());
+    let off: String = vertices.chain(faces).collect();
+    let with_materials = sphere.replacen("f ", "usemtl red\ns 1\nf ", 1);
+    for (name, text) in [
+        ("ball.off", format!("OFF\n{} {} 0\n{off}", count.0, count.1)),
+        ("ball.obj", with_materials),
+        // A vertex that no triangle has: the repaired mesh is what it was, and that is where the wave stops.
+        ("ball.obj", format!("v 9 9 9\n{}", shifted(&sphere))),
+    ] {
+        std::fs::remove_dir_all(workspace.path("meshes")).unwrap();
+        std::fs::create_dir(workspace.path("meshes")).unwrap();
+        workspace.write(&format!("meshes/{name}"), &text);
+        let (events, counts) = during(&workspace, &[]);
+        assert_eq!((computed(&events), counts), (vec![], [0, 3]), "{name}");
+    }
+}
+
+/// An OBJ file whose triangles count their vertices from one further.
+fn shifted(obj: &str) -> String {
+    let lines = obj.lines().map(|line| match line.strip_prefix("f ") {
+        None => format!("{line}\n"),
+        Some(face) => {
+            let corners = face.split(' ').map(|corner| corner.parse::<usize>().unwrap() + 1);
+            let corners: Vec<_> = corners.map(|corner| corner.to_string()).collect();
+            format!("f {}\n", corners.join(" "))
+        }
+    });
+    lines.collect()
+}
+
+#[test]
+fn an_edit_to_one_mesh_of_many_computes_that_one_and_writes_no_other() {
+    let workspace = Workspace::new(FEM);
+    let name = |i: usize| format!("meshes/{i:02}.obj");
+    for i in 0..12 {
+        workspace.write(&name(i), &ellipsoid(1.1 + 0.1 * i as f64));
+    }
+    assert_eq!(workspace.report(&[]).0, 0);
+    let files = |i: usize| {
+        let folder = workspace.path("out").join(format!("{i:02}.obj"));
+        ["spectrum.json", "eigen.npz"]
+            .map(|file| std::fs::metadata(folder.join(file)).unwrap().modified().unwrap())
+    };
+    let (before, events) = ((0..12).map(files).collect::<Vec<_>>(), workspace.events().len());
+    workspace.write(&name(7), &ellipsoid(3.0));
+    assert_eq!(workspace.report(&[]).0, 0);
+    let events = workspace.events().split_off(events);
+    assert!(events.iter().all(|event| (event.item == 7) == (event.how == How::Computed)));
+    for (i, before) in before.into_iter().enumerate() {
+        assert_eq!(files(i) != before, i == 7, "mesh {i}");
+    }
 }
 
 #[test]

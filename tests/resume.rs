@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 use chladni::flow::events::How;
 use chladni::publish::status::{RunState, RunStatus};
 use common::{QUICK, Workspace};
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
 
 /// Long enough a training that a signal falls into its middle; gently, for so small a network.
 fn slow() -> String {
@@ -98,6 +100,52 @@ fn a_training_that_was_killed_goes_on_from_its_checkpoint() {
     assert!(results(&workspace) == results(&undisturbed));
     let stat = chladni::store::Store::open(workspace.path("cache")).unwrap().stat().unwrap();
     assert!(!stat.stages.contains_key("checkpoint"), "it has served: {stat:?}");
+}
+
+/// Kills runs at random moments, going on from what each has left, until `kills` of them were killed; whenever one ends by
+/// itself, another begins anew.
+fn withstands(kills: usize, seed: u64) {
+    let pipeline = QUICK.replace("steps = 4", "steps = 200\nlearning_rate = 1e-4");
+    let undisturbed = Workspace::new(&pipeline);
+    let started = Instant::now();
+    assert_eq!(undisturbed.report(&[]).0, 0);
+    let whole = started.elapsed();
+
+    let mut rng = StdRng::seed_from_u64(seed);
+    let mut killed = 0;
+    while killed < kills {
+        let workspace = Workspace::new(&pipeline);
+        loop {
+            let mut run = workspace.run(&["--checkpoint", "0.02"]);
+            let mut child = run.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+            if killed < kills {
+                std::thread::sleep(whole.mul_f64(rng.random_range(0.0..0.9)));
+                if child.try_wait().unwrap().is_none() {
+                    child.kill().unwrap();
+                    child.wait().unwrap();
+                    killed += 1;
+                    continue;
+                }
+            }
+            let output = child.wait_with_output().unwrap();
+            assert_eq!(output.status.code(), Some(0), "{}", common::text(&output));
+            break;
+        }
+        nothing_was_computed_twice(&workspace);
+        assert!(results(&workspace) == results(&undisturbed), "after {killed} kills");
+    }
+}
+
+#[test]
+fn eight_kills_at_any_moment_change_nothing_and_cost_no_finished_work() {
+    withstands(8, 1);
+}
+
+/// `cargo test --test resume -- --ignored`
+#[test]
+#[ignore = "a minute or two more of the same"]
+fn a_hundred_kills_at_any_moment_change_nothing_and_cost_no_finished_work() {
+    withstands(100, 2);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What was computed and what was reused: the log that resume and incremental runs are judged by.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -72,8 +72,14 @@ impl EventFile {
     /// # Errors
     /// What the system says.
     pub fn append(path: &Path) -> io::Result<Self> {
-        let file = OpenOptions::new().create(true).append(true).open(path)?;
-        Ok(Self { log: Mutex::new(Log { file, is_torn: false, has_warned: false }) })
+        let mut file = OpenOptions::new().create(true).append(true).read(true).open(path)?;
+        let mut last = [b'\n'];
+        if file.metadata()?.len() > 0 {
+            // A process may have been killed in the middle of a line.
+            file.seek(SeekFrom::End(-1))?;
+            file.read_exact(&mut last)?;
+        }
+        Ok(Self { log: Mutex::new(Log { file, is_torn: last != [b'\n'], has_warned: false }) })
     }
 }
 
@@ -94,5 +100,33 @@ impl EventSink for EventFile {
                 "events are missing from events.jsonl, which costs nothing else: {error}"
             );
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_torn_line_does_not_take_the_next_one_with_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("events.jsonl");
+        let event = Event {
+            item: 1,
+            stage: "stage".into(),
+            part: None,
+            key: "key".into(),
+            inputs: vec![],
+            output: "output".into(),
+            how: How::Computed,
+        };
+        EventFile::append(&path).unwrap().record(&event);
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, [&whole[..], &whole[..20]].concat()).unwrap();
+        EventFile::append(&path).unwrap().record(&event);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let read: Vec<_> =
+            text.lines().map(|line| serde_json::from_str::<Event>(line).ok()).collect();
+        assert_eq!(read, [Some(event.clone()), None, Some(event)]);
     }
 }

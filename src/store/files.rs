@@ -9,7 +9,11 @@ use super::StoreError;
 /// Writes one line as the content of `path`: a temporary file renamed into place, so that the file is whole or as before.
 pub(super) fn replace(path: &Path, line: &str) -> Result<(), StoreError> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
+    let mut builder = tempfile::Builder::new();
+    // Others may read a cache that is shared; temporary files are private unless told otherwise. The umask takes its part.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let written = builder.tempfile_in(folder).and_then(|mut file| {
         writeln!(file, "{line}")?;
         file.as_file().sync_all()?;
         file.persist(path)?;

@@ -30,7 +30,7 @@ impl DirectoryLock {
             .create(true)
             .truncate(false)
             .open(&path)
-            .map_err(files::refused("create", &path))?;
+            .map_err(files::refused("open", &path))?;
         held(dir, file.try_lock())?;
         announce(&mut file).map_err(files::refused("write", &path))?;
         Ok(Self { file })
