@@ -113,6 +113,7 @@ impl Session<'_> {
             Some(Inheritance::AsTheyAre) => "as they are",
             Some(Inheritance::Heads) => "heads",
             Some(Inheritance::FineTuned) => "fine-tuned",
+            Some(Inheritance::WarmStart) => "warm start",
             None => "trained anew",
         })
     }

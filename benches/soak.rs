@@ -152,6 +152,7 @@ impl Soak {
                 retries: 0,
                 cancel: CancellationToken::new(),
                 time_limit: None,
+                lineage: true,
                 checkpoint_every: Duration::MAX,
                 events: sink.clone(),
             }))?;

@@ -119,17 +119,9 @@ pub fn note<V: Artifact + PartialEq>(
     version: &V,
 ) {
     let key = version_key::<V>(&context.pipeline, &loaded.hash);
-    put(store, &key, version);
+    store.note(&key, version);
     if let Some(path) = path_key(&context.pipeline, loaded) {
-        put(store, &path, &PathArtifact { version: *key.as_bytes() });
-    }
-}
-
-/// Stores what is not stored yet.
-fn put<A: Artifact + PartialEq>(store: &Store, key: &CacheKey, artifact: &A) {
-    let is_there = store.get::<A>(key).is_some_and(|there| there.artifact == *artifact);
-    if !is_there && let Err(error) = store.put(key, artifact, Default::default()) {
-        store.complain(A::STAGE, &error);
+        store.note(&path, &PathArtifact { version: *key.as_bytes() });
     }
 }
 

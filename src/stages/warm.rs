@@ -21,7 +21,7 @@ use crate::spectrum::factor::Analysis;
 use crate::spectrum::fem::{self, Reference};
 use crate::spectrum::pencil::column;
 use crate::spectrum::{Dense, Problem};
-use crate::store::{Artifact, CacheKey, Digest, Store};
+use crate::store::{Artifact, CacheKey, Digest};
 
 /// Where the pairs of one content are.
 #[derive(Debug, Clone, PartialEq, Eq, Archive, Serialize, Deserialize)]
@@ -130,15 +130,9 @@ fn record(context: &Context, assembled: &Assembled, pairs: &CacheKey, parent: Op
     let (mesh, pairs) = (*loaded.hash.as_bytes(), *pairs.as_bytes());
     let surface = surface_key(&mesh);
     if store.peek::<SurfaceArtifact>(&surface).is_none() {
-        keep(store, &surface, &SurfaceArtifact::from(&loaded.ingested.mesh));
+        store.note(&surface, &SurfaceArtifact::from(&loaded.ingested.mesh));
     }
     note(context, store, loaded, &SolvedArtifact { mesh, pairs, parent });
-}
-
-fn keep(store: &Store, key: &CacheKey, surface: &SurfaceArtifact) {
-    if let Err(error) = store.put(key, surface, Default::default()) {
-        store.complain(SurfaceArtifact::STAGE, &error);
-    }
 }
 
 fn surface_key(mesh: &[u8; 32]) -> CacheKey {

@@ -50,6 +50,25 @@ struct Budget {
     ceiling: u64,
 }
 
+/// When a write reaches the disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum OnDisk {
+    /// Before it returns.
+    Now,
+    /// Within the half second after which the database does so by itself. A crash before may lose the entry; one that is torn
+    /// does not match its digest.
+    Soon,
+}
+
+impl OnDisk {
+    fn flush(self, database: &sled::Db) -> sled::Result<()> {
+        match self {
+            Self::Now => database.flush().map(drop),
+            Self::Soon => Ok(()),
+        }
+    }
+}
+
 /// What an entry is, as its writer says.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Origin {
@@ -91,6 +110,7 @@ impl Blobs {
         key: &CacheKey,
         origin: Origin,
         bytes: &[u8],
+        on_disk: OnDisk,
     ) -> Result<Digest, StoreError> {
         let digest = Digest::of(bytes);
         let now = unix_now();
@@ -116,10 +136,10 @@ impl Blobs {
             chunk::remove(chunks, key)?;
             chunk::write(chunks, key, bytes)?;
             point()?;
-            database.flush()?;
+            on_disk.flush(database)?;
             manifests.insert(key.as_bytes(), record.as_slice())?;
             point()?;
-            database.flush()?;
+            on_disk.flush(database)?;
             Ok(replaced)
         })?;
         let replaced = replaced.and_then(|record| Manifest::decode(key, &record));
@@ -435,7 +455,7 @@ mod tests {
 
     fn write(blobs: &Blobs, bytes: &[u8]) -> Digest {
         let origin = Origin { stage: "stage", version: 1, schema: 1, cost: Duration::from_secs(1) };
-        blobs.write(&KEY, origin, bytes).unwrap()
+        blobs.write(&KEY, origin, bytes, OnDisk::Now).unwrap()
     }
 
     /// Sets the last use back to 1970 and tells what it is after a read.

@@ -7,7 +7,7 @@ use std::fmt::Display;
 use std::time::Duration;
 
 use super::artifact::{Artifact, DecodeError, decode, encode};
-use super::blob::Origin;
+use super::blob::{OnDisk, Origin};
 use super::manifest::Manifest;
 use super::{CacheKey, Digest, Store, StoreError};
 
@@ -43,7 +43,7 @@ impl Store {
         artifact: &A,
         cost: Duration,
     ) -> Result<Digest, StoreError> {
-        self.put_encoded::<A>(key, &encode(artifact)?, cost)
+        self.put_encoded::<A>(key, &encode(artifact)?, cost, OnDisk::Now)
     }
 
     /// As [`put`](Self::put), but a cache that cannot be written costs no more than a warning, the first time.
@@ -57,10 +57,23 @@ impl Store {
         cost: Duration,
     ) -> Result<Digest, StoreError> {
         let bytes = encode(artifact)?;
-        Ok(self.put_encoded::<A>(key, &bytes, cost).unwrap_or_else(|error| {
+        Ok(self.put_encoded::<A>(key, &bytes, cost, OnDisk::Now).unwrap_or_else(|error| {
             self.complain(A::STAGE, &error);
             Digest::of(&bytes)
         }))
+    }
+
+    /// Stores what may help later and is no loss if it is not there, unless it is there already. It is on disk within a second;
+    /// that it cannot be written costs a warning, the first time.
+    pub fn note<A: Artifact + PartialEq>(&self, key: &CacheKey, artifact: &A) {
+        if self.get::<A>(key).is_some_and(|there| there.artifact == *artifact) {
+            return;
+        }
+        let noted = encode(artifact)
+            .and_then(|bytes| self.put_encoded::<A>(key, &bytes, Duration::ZERO, OnDisk::Soon));
+        if let Err(error) = noted {
+            self.complain(A::STAGE, &error);
+        }
     }
 
     /// Warns that a result of `stage` is not kept. On a full disk that is so for all that follow: only the first time is a
@@ -81,9 +94,10 @@ impl Store {
         key: &CacheKey,
         bytes: &[u8],
         cost: Duration,
+        on_disk: OnDisk,
     ) -> Result<Digest, StoreError> {
         let origin = Origin { stage: A::STAGE, version: A::VERSION, schema: A::SCHEMA, cost };
-        let digest = self.blobs().write(key, origin, bytes)?;
+        let digest = self.blobs().write(key, origin, bytes, on_disk)?;
         if let Err(error) = self.make_room() {
             tracing::warn!("the cache is over its limit: {error}");
         }
