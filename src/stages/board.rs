@@ -16,7 +16,6 @@ const EVERY: Duration = Duration::from_secs(1);
 /// Where the meshes of a run stand.
 #[derive(Debug)]
 pub struct Board {
-    meshes: usize,
     began: Instant,
     started: u64,
     entries: Mutex<Entries>,
@@ -24,10 +23,13 @@ pub struct Board {
 
 #[derive(Debug, Default)]
 struct Entries {
+    /// How many meshes there are.
+    meshes: usize,
     under_way: BTreeMap<usize, Entry>,
-    verified: usize,
-    unverified: usize,
-    failed: usize,
+    /// How every mesh ended for the last time.
+    ended: BTreeMap<String, Status>,
+    /// How often one did.
+    endings: usize,
 }
 
 #[derive(Debug)]
@@ -36,19 +38,50 @@ struct Entry {
     stage: String,
     since: Instant,
     began: Instant,
+    /// It is no longer wanted.
+    is_dropped: bool,
 }
 
 impl Board {
-    /// For a run over so many meshes, which begins now.
+    /// For work on so many meshes, which begins now.
     pub fn new(meshes: usize) -> Self {
         let (began, started) = (Instant::now(), unix_now());
-        Self { meshes, began, started, entries: Mutex::default() }
+        let entries = Mutex::new(Entries { meshes, ..Entries::default() });
+        Self { began, started, entries }
+    }
+
+    /// There are so many meshes now.
+    pub fn expects(&self, meshes: usize) {
+        self.entries().meshes = meshes;
+    }
+
+    /// The work on a mesh is no longer wanted: it ends at the next opportunity.
+    pub fn drops(&self, item: usize) {
+        if let Some(entry) = self.entries().under_way.get_mut(&item) {
+            entry.is_dropped = true;
+        }
+    }
+
+    /// Whether the work on a mesh is no longer wanted.
+    pub fn is_dropped(&self, item: usize) -> bool {
+        self.entries().under_way.get(&item).is_some_and(|entry| entry.is_dropped)
+    }
+
+    /// There is no such mesh any more.
+    pub fn forgets(&self, path: &str) {
+        self.entries().ended.remove(path);
     }
 
     /// Work on a mesh begins.
     pub fn begins(&self, item: usize, path: &str) {
         let now = Instant::now();
-        let entry = Entry { path: path.into(), stage: "ingest".into(), since: now, began: now };
+        let entry = Entry {
+            path: path.into(),
+            stage: "ingest".into(),
+            since: now,
+            began: now,
+            is_dropped: false,
+        };
         self.entries().under_way.insert(item, entry);
     }
 
@@ -65,14 +98,13 @@ impl Board {
         Some(self.entries().under_way.get(&item)?.began)
     }
 
-    /// A mesh has ended so.
-    pub fn ends(&self, item: usize, status: Status) {
+    /// A mesh has ended so; `None`: it is as it was before.
+    pub fn ends(&self, item: usize, path: &str, status: Option<Status>) {
         let mut entries = self.entries();
         entries.under_way.remove(&item);
-        match status {
-            Status::Verified => entries.verified += 1,
-            Status::Unverified => entries.unverified += 1,
-            Status::Failed => entries.failed += 1,
+        if let Some(status) = status {
+            entries.ended.insert(path.into(), status);
+            entries.endings += 1;
         }
     }
 
@@ -88,22 +120,27 @@ impl Board {
                 seconds: since.elapsed().as_secs_f64(),
             })
             .collect();
-        let done = entries.verified + entries.unverified + entries.failed;
-        let each = self.began.elapsed().as_secs_f64() / done as f64;
+        let with = |status| entries.ended.values().filter(|&&ended| ended == status).count();
+        let meshes = entries.meshes;
+        // One that is under way again has ended before.
+        let again = |mesh: &&UnderWay| entries.ended.contains_key(&mesh.path);
+        let done = entries.ended.len() - under_way.iter().filter(again).count();
+        let each = self.began.elapsed().as_secs_f64() / entries.endings as f64;
+        let has_ended = entries.endings > 0;
         RunStatus {
             schema: RunStatusSchema::V1,
             state,
             process: std::process::id(),
             started: self.started,
             updated: unix_now(),
-            meshes: self.meshes,
-            verified: entries.verified,
-            unverified: entries.unverified,
-            failed: entries.failed,
-            waiting: self.meshes.saturating_sub(done + under_way.len()),
+            meshes,
+            verified: with(Status::Verified),
+            unverified: with(Status::Unverified),
+            failed: with(Status::Failed),
+            waiting: meshes.saturating_sub(done + under_way.len()),
             under_way,
-            per_hour: if done > 0 { 3600.0 / each } else { 0.0 },
-            seconds_left: (done > 0).then(|| each * (self.meshes - done) as f64),
+            per_hour: if has_ended { 3600.0 / each } else { 0.0 },
+            seconds_left: has_ended.then(|| each * meshes.saturating_sub(done) as f64),
         }
     }
 

@@ -133,18 +133,23 @@ impl<A: Artifact> Recalled<A> {
 #[derive(Debug, Clone, Copy)]
 pub struct Stop<'c> {
     cancel: &'c CancellationToken,
+    board: &'c Board,
+    item: usize,
     /// When it began, and how long it may take.
     limit: Option<(Instant, Duration)>,
 }
 
 impl Stop<'_> {
-    /// Ends the work when the run is to stop, or when it has taken too long.
+    /// Ends the work when the run is to stop, when it is no longer wanted, or when it has taken too long.
     ///
     /// # Errors
-    /// [`Failure::Interrupted`], [`Failure::OutOfTime`].
+    /// [`Failure::Interrupted`], [`Failure::Superseded`], [`Failure::OutOfTime`].
     pub fn check(&self) -> Result<(), Failure> {
         if self.cancel.is_cancelled() {
             return Err(Failure::Interrupted);
+        }
+        if self.board.is_dropped(self.item) {
+            return Err(Failure::Superseded);
         }
         match self.limit {
             Some((began, limit)) if began.elapsed() > limit => {
@@ -289,7 +294,7 @@ impl Context {
     /// What may end the work on this mesh.
     pub fn stop(&self, item: usize) -> Stop<'_> {
         let limit = self.time_limit.and_then(|limit| Some((self.board.began(item)?, limit)));
-        Stop { cancel: &self.cancel, limit }
+        Stop { cancel: &self.cancel, board: &self.board, item, limit }
     }
 
     fn keep<A: Artifact>(

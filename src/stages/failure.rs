@@ -68,6 +68,9 @@ pub enum Failure {
     /// The run was interrupted; what was finished is kept.
     #[error("interrupted; run again to go on from what is finished")]
     Interrupted,
+    /// The mesh has changed, or is gone, since the work on it began.
+    #[error("there is a newer version of it")]
+    Superseded,
     /// It took too long.
     #[error(
         "not done within --time-limit = {limit} s; what is finished is kept, so that more time goes on from it; or make it \
@@ -96,6 +99,11 @@ impl Failure {
             Self::Publish(_) | Self::Store(_) | Self::Internal(_) => true,
             _ => false,
         }
+    }
+
+    /// Whether nothing more is to be tried: not because something failed, but because nobody waits for it.
+    pub fn ends_the_work(&self) -> bool {
+        matches!(self, Self::Interrupted | Self::Superseded | Self::OutOfTime { .. })
     }
 
     /// Whether this program is to blame, not its input.

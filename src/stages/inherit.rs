@@ -100,7 +100,7 @@ pub fn inherit(
                 tracing::debug!(mesh, ?step, reason, "not good enough");
                 assembled = verified.assembled;
             }
-            Err(stop @ (Failure::Interrupted | Failure::OutOfTime { .. })) => return Err(stop),
+            Err(stop) if stop.ends_the_work() => return Err(stop),
             Err(failure) => tracing::debug!(mesh, ?step, %failure, "could not be done"),
         }
     }

@@ -21,7 +21,7 @@
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
 //! - [`weight`]: what a mesh takes of memory
-//! - [`run`]: the whole chain; [`plan`]: what it would do
+//! - [`line`]: the whole chain; [`run`]: a list of meshes on it; [`plan`]: what it would do
 
 pub mod artifacts;
 pub mod assemble;
@@ -34,6 +34,7 @@ pub mod family;
 pub mod ingest;
 pub mod inherit;
 pub mod intake;
+pub mod line;
 pub mod lineage;
 pub mod models;
 pub mod plan;

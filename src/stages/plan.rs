@@ -67,7 +67,7 @@ fn last_run(folder: &Path) -> Option<RunRecord> {
     serde_json::from_slice(&text).ok()
 }
 
-/// The way of a mesh through the stages, as [`super::run`] joins them; whether a certificate decides how it goes on.
+/// The way of a mesh through the stages, as [`super::line`] joins them; whether a certificate decides how it goes on.
 fn follow(context: &Context, item: usize, job: Job) -> Result<bool, Failure> {
     let assembled = assemble::assemble(context, item, ingest::ingest(context, job)?)?;
     let made = match context.pipeline.train.method {

@@ -9,17 +9,14 @@ use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
+use super::Failure;
 use super::board::{self, Board};
 use super::context::Context;
-use super::inherit::{Way, inherit};
 use super::intake::Job;
+use super::line::{Entrance, Line, failed};
 use super::predict::GivenModel;
-use super::weight::Weights;
-use super::{
-    Failure, assemble, candidates, family, ingest, publish, refine, remesh, train, tune, verify,
-};
-use crate::flow::{Admission, EventSink, Outcome, Parcel, Stage, Workers};
-use crate::pipeline::{Method, Pipeline};
+use crate::flow::{EventSink, Outcome};
+use crate::pipeline::Pipeline;
 use crate::publish::report::{MeshReport, RunReport};
 use crate::store::Store;
 
@@ -79,8 +76,6 @@ pub struct Ended {
 /// When the system refuses the worker threads. All else is one mesh's failure.
 pub async fn run(run: Run) -> io::Result<Ended> {
     let started = Instant::now();
-    let workers = Arc::new(Workers::start(run.workers)?);
-    let admission = Admission::new(run.workers, run.memory);
     // A failure under `OnFailure::Stop` stops this run, not whoever else holds the caller's token.
     let cancel = run.cancel.child_token();
     let context = Arc::new(Context {
@@ -100,12 +95,9 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     });
     let ended = CancellationToken::new();
     let teller = tokio::spawn(board::tell(context.clone(), ended.clone()));
-    let (intake, first, mut outcomes) = Stage::begin(workers);
-    let tasks = chain(&context, first);
+    let (line, entrance, mut outcomes) = Line::start(&context, run.workers, run.memory)?;
     let (again, retries) = mpsc::unbounded_channel();
-    let weights = Weights::of(&context.pipeline);
-    let (jobs, cancel_feeder) = (run.jobs.clone(), cancel.clone());
-    let feeder = Feeder { jobs, weights, intake, admission, cancel: cancel_feeder };
+    let feeder = Feeder { jobs: run.jobs.clone(), entrance, cancel: cancel.clone() };
     let feeder = tokio::spawn(feeder.feed(retries));
     let mut again = Retries { left: vec![run.retries; run.jobs.len()], again: Some(again) };
     let mut open = run.jobs.len();
@@ -130,11 +122,11 @@ pub async fn run(run: Run) -> io::Result<Ended> {
             defect |= failure.is_internal();
             failed(&context, &run.jobs[item], failure, run.cancel.is_cancelled())
         });
-        context.board.ends(item, report.status);
+        context.board.ends(item, &report.path, Some(report.status));
         context.ledger.take(item);
         reports[item] = Some(report);
     }
-    tasks.join_all().await;
+    line.end().await;
     ended.cancel();
     drop(teller.await);
     // The feeder has ended: the outcomes end after it.
@@ -149,76 +141,10 @@ pub async fn run(run: Run) -> io::Result<Ended> {
     Ok(Ended { report, defect })
 }
 
-/// ingest ─► assemble ─┬─► inherit ─┬─► remesh ─► family ─► tune ─► train φ₁ ─► … ─► train φ_K ─► predict ─► refine ─► verify ─┬─► publish
-///                     │            └────────────── settled with what its previous version has ──────────────────────────┤
-///                     ├─► predict with a given model ──────────────────────────────────────────────► refine ─► verify ─┤
-///                     └─► solve ─────────────────────────────────────────────────────────────────────────────► verify ─┘
-fn chain(
-    context: &Arc<Context>,
-    first: Stage<Job, MeshReport, Failure>,
-) -> tokio::task::JoinSet<()> {
-    let c = || context.clone();
-    let (ingesting, assembling) = (c(), c());
-    let assembled = first
-        .then(move |item, job: Job| {
-            ingesting.board.begins(item, &job.name);
-            ingesting.stop(item).check()?;
-            ingest::ingest(&ingesting, job)
-        })
-        .then(move |item, loaded| assemble::assemble(&assembling, item, loaded));
-    let verifying = c();
-    let verify = move |item, candidates| verify::verify(&verifying, item, candidates);
-    let verified = match context.pipeline.train.method {
-        Method::Fem | Method::Mpgd => {
-            let solving = c();
-            assembled
-                .then(move |item, assembled| candidates::solve(&solving, item, assembled))
-                .then(verify)
-        }
-        Method::Predict => {
-            let (applying, refining) = (c(), c());
-            assembled
-                .then(move |item, assembled| candidates::apply(&applying, item, assembled))
-                .then(move |item, candidates| refine::refine(&refining, item, candidates))
-                .then(verify)
-        }
-        Method::LepDpinn => {
-            let (inheriting, remeshing, preparing, tuning) = (c(), c(), c(), c());
-            let mut training = assembled
-                .then(move |item, assembled| inherit(&inheriting, item, assembled))
-                .then(open(move |item, mesh| remesh::remesh(&remeshing, item, mesh)))
-                .then(open(move |item, mesh| family::prepare(&preparing, item, mesh)))
-                .then(open(move |item, mesh| tune::tune(&tuning, item, mesh)));
-            for k in 1..=context.pipeline.train.k {
-                let trainer = c();
-                training =
-                    training.then(open(move |item, state| train::train(&trainer, item, k, state)));
-            }
-            let (predicting, refining) = (c(), c());
-            training
-                .then(open(move |item, trained| candidates::predict(&predicting, item, trained)))
-                .then(open(move |item, made| refine::refine(&refining, item, made)))
-                .then(open(verify))
-                .then(|_, way| Ok(way.arrived()))
-        }
-    };
-    let publishing = c();
-    verified.then(move |item, verified| publish::publish(&publishing, item, verified)).end()
-}
-
-/// A stage of training, which meshes go through untouched that are settled without one.
-fn open<T, U>(
-    work: impl Fn(usize, T) -> Result<U, Failure>,
-) -> impl Fn(usize, Way<T>) -> Result<Way<U>, Failure> {
-    move |item, way| way.and_then(|load| work(item, load))
-}
-
 /// Lets jobs in as earlier ones finish, and again those that are to be tried again.
 struct Feeder {
     jobs: Vec<Job>,
-    intake: mpsc::Sender<Parcel<Job>>,
-    weights: Weights,
-    admission: Admission,
+    entrance: Entrance,
     cancel: CancellationToken,
 }
 
@@ -240,11 +166,8 @@ impl Feeder {
     }
 
     async fn admit(&self, item: usize) -> Option<()> {
-        // Asked for only now: a run over ten thousand meshes begins at once.
-        let weight = self.weights.of_mesh(&self.jobs[item].source);
-        let admission = self.unless_stopped(self.admission.admit(weight)).await?;
-        let load = self.jobs[item].clone();
-        self.intake.send(Parcel { item, load, admission }).await.ok()
+        let job = self.jobs[item].clone();
+        self.unless_stopped(self.entrance.enter(item, job)).await?
     }
 
     /// What comes of `work`; `None` when the run is stopped before.
@@ -286,20 +209,4 @@ impl Retries {
     fn end(&mut self) {
         self.again = None;
     }
-}
-
-/// The report of a failed mesh. Results of an earlier version of it are withdrawn; those of a mesh that was only
-/// interrupted stay. `interrupted` tells whether the caller stopped the run, or a failed mesh did.
-fn failed(context: &Context, job: &Job, failure: Failure, interrupted: bool) -> MeshReport {
-    let failure = match failure {
-        Failure::Interrupted if !interrupted => Failure::NotStarted,
-        failure => failure,
-    };
-    if !matches!(failure, Failure::Interrupted | Failure::NotStarted)
-        && let Err(error) = publish::withdraw(&context.out.join(&job.name), None)
-    {
-        tracing::warn!(mesh = job.name, "earlier results could not be withdrawn: {error}");
-    }
-    tracing::debug!(mesh = job.name, %failure, "failed");
-    MeshReport::failed(job.name.clone(), None, failure.to_string(), 0.0)
 }
