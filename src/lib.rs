@@ -20,3 +20,4 @@ pub mod remesh;
 pub mod spectrum;
 pub mod stages;
 pub mod store;
+pub mod watch;

@@ -3,7 +3,8 @@
 //! - [`exit`]: the exit codes, which are part of the contract
 //! - [`logging`]: what goes to stderr
 //! - [`task`]: what `run` and `explain` are asked to do
-//! - `run`, `explain`, `status`, `solve`, `predict`, `model`, `info`, `cache`: the commands
+//! - [`signals`]: SIGINT and SIGTERM
+//! - `run`, `watch`, `explain`, `status`, `solve`, `predict`, `model`, `info`, `cache`: the commands
 
 mod cache;
 pub mod exit;
@@ -13,9 +14,11 @@ mod logging;
 mod model;
 mod predict;
 mod run;
+mod signals;
 mod solve;
 mod status;
 mod task;
+mod watch;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -37,6 +40,8 @@ struct Cli {
 enum Command {
     /// Run a pipeline: train, predict and verify the eigenpairs of its meshes
     Run(run::Arguments),
+    /// Keep the results of a folder current while people work in it
+    Watch(watch::Arguments),
     /// Say what a run would compute and what it would reuse, and which option or content has changed since the last one
     Explain(explain::Arguments),
     /// Say how far a run is: meshes done, under way, waiting and failed
@@ -91,6 +96,7 @@ pub fn main() -> ExitCode {
     logging::start();
     let exit = match cli.command {
         Command::Run(arguments) => run::execute(arguments),
+        Command::Watch(arguments) => watch::execute(&arguments),
         Command::Explain(arguments) => explain::execute(&arguments),
         Command::Status(arguments) => status::execute(&arguments),
         Command::Solve(arguments) => solve::execute(&arguments),

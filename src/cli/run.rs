@@ -8,11 +8,12 @@ use bytesize::ByteSize;
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
+use super::signals::stop_on_signals;
 use super::task::{Switch, Task, given_model};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json};
 use crate::flow::events::EventFile;
 use crate::pipeline::Pipeline;
-use crate::publish::report::{MeshReport, Status};
+use crate::publish::report::Status;
 use crate::publish::table::run_table;
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::weight::half_of_the_memory;
@@ -55,7 +56,8 @@ pub struct Arguments {
     format: Format,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+/// A number of seconds on the command line.
+pub fn seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..1e9).contains(&seconds) => Ok(seconds),
         _ => Err("a number of seconds, not negative".into()),
@@ -126,7 +128,7 @@ fn start(
         Format::Json => print_json(&report)?,
         Format::Human => print(&run_table(&report))?,
     }
-    let exits = report.meshes.iter().map(exit_of);
+    let exits = report.meshes.iter().map(|mesh| exit_of(mesh.status));
     Ok(Exit::gravest(
         exits
             .chain(defect.then_some(Exit::Internal))
@@ -134,57 +136,11 @@ fn start(
     ))
 }
 
-fn exit_of(mesh: &MeshReport) -> Exit {
-    match mesh.status {
+/// What a mesh that has ended so means for the exit code.
+pub fn exit_of(status: Status) -> Exit {
+    match status {
         Status::Verified => Exit::Success,
         Status::Unverified => Exit::Unverified,
         Status::Failed => Exit::MeshFailed,
-    }
-}
-
-/// The first SIGINT or SIGTERM stops the run, keeping what is finished; the second ends the process.
-async fn stop_on_signals(cancel: CancellationToken) {
-    let mut signals = Signals::listen();
-    signals.next().await;
-    tracing::warn!("stopping: what is finished is kept; once more to stop at once");
-    cancel.cancel();
-    signals.next().await;
-    std::process::exit(i32::from(Exit::Interrupted.code()));
-}
-
-#[cfg(unix)]
-struct Signals(Vec<tokio::signal::unix::Signal>);
-
-#[cfg(unix)]
-impl Signals {
-    /// Listens from now on; a signal that cannot be listened to ends the process, and the store survives that too.
-    fn listen() -> Self {
-        use tokio::signal::unix::{SignalKind, signal};
-        let kinds = [SignalKind::interrupt(), SignalKind::terminate()];
-        Self(kinds.into_iter().filter_map(|kind| signal(kind).ok()).collect())
-    }
-
-    async fn next(&mut self) {
-        std::future::poll_fn(|context| {
-            let heard = self.0.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
-            if heard { std::task::Poll::Ready(()) } else { std::task::Poll::Pending }
-        })
-        .await;
-    }
-}
-
-#[cfg(not(unix))]
-struct Signals;
-
-#[cfg(not(unix))]
-impl Signals {
-    fn listen() -> Self {
-        Self
-    }
-
-    async fn next(&mut self) {
-        if tokio::signal::ctrl_c().await.is_err() {
-            std::future::pending::<()>().await;
-        }
     }
 }

@@ -27,6 +27,7 @@ pub use error::{Fault, MeshError, Place};
 pub use hash::MeshHash;
 pub use ingest::{Ingested, load, load_bytes};
 pub use read::format::Format;
+pub use read::gltf::companions;
 pub use repair::Repairs;
 pub use topology::Topology;
 pub use trimesh::{Area, TriMesh};

@@ -62,10 +62,23 @@ pub struct Input {
 pub struct Publish {
     /// Write `eigen.ply`: the mesh with a property for every eigenfunction.
     pub ply: bool,
+    /// What `chladni watch` does with the results of a mesh that was deleted.
+    pub on_delete: OnDelete,
+}
+
+/// `publish.on_delete`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnDelete {
+    /// They stay.
+    #[default]
+    Keep,
+    /// They are removed.
+    Remove,
 }
 
 impl Default for Publish {
     fn default() -> Self {
-        Self { ply: true }
+        Self { ply: true, on_delete: OnDelete::Keep }
     }
 }

@@ -8,6 +8,7 @@
 //! - [`plan`]: what a run would do, and why
 //! - [`status`]: how far a run is, for other processes
 //! - [`table`]: a run for the terminal
+//! - [`watched`]: what happens in a watched folder
 //! - [`atomic`]: bytes into files that are whole at any time
 
 pub mod atomic;
@@ -19,6 +20,7 @@ pub mod report;
 pub mod result;
 pub mod status;
 pub mod table;
+pub mod watched;
 
 pub use atomic::{PublishError, Written, write, write_if_changed};
 pub use report::{MeshReport, RunRecord, RunReport};

@@ -237,7 +237,8 @@ fn counted_noun(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-fn duration(seconds: f64) -> String {
+/// Seconds with two decimals.
+pub fn duration(seconds: f64) -> String {
     measured(seconds, |seconds| format!("{seconds:.2} s"))
 }
 

@@ -4,11 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use ignore::WalkBuilder;
+
 use crate::mesh::Format;
 
 /// A folder with this file holds the results of a mesh. What lies in it is no input, although its `eigen.ply` ends as
 /// meshes do: results may lie below the meshes that they are of.
 const RESULTS: &str = "eigen.npz";
+
+/// A file with this name says which files of its folder, and below, are no inputs.
+const IGNORED: &str = ".chladniignore";
 
 /// One mesh to be processed.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,7 +60,7 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
     let mut jobs = Vec::new();
     for input in inputs {
         if input.is_dir() {
-            search(input, input, &mut jobs)?;
+            jobs.extend(search(input)?);
         } else {
             let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
             jobs.push(Job { source: input.clone(), name: name.into_owned() });
@@ -83,33 +88,65 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
     Ok(jobs)
 }
 
-fn search(root: &Path, folder: &Path, jobs: &mut Vec<Job>) -> Result<(), IntakeError> {
-    let unreadable = |source| IntakeError::Unreadable { path: folder.into(), source };
-    let mut entries = std::fs::read_dir(folder)
-        .and_then(|entries| entries.collect::<io::Result<Vec<_>>>())
-        .map_err(unreadable)?;
-    if entries.iter().any(|entry| entry.file_name() == RESULTS) {
-        return Ok(());
+/// The meshes below a folder, sorted by name: not what is hidden, what a `.chladniignore` in it or in a folder below leaves
+/// out (its lines are those of a `.gitignore`), nor folders of results. Links to files are followed, links to folders are not:
+/// they may lead back up.
+///
+/// # Errors
+/// [`IntakeError::Unreadable`].
+pub fn search(root: &Path) -> Result<Vec<Job>, IntakeError> {
+    let holds_results = |folder: &Path| folder.join(RESULTS).is_file();
+    if holds_results(root) {
+        return Ok(Vec::new());
     }
-    entries.sort_by_key(std::fs::DirEntry::file_name);
-    for entry in entries {
-        let path = entry.path();
-        if entry.file_name().to_string_lossy().starts_with('.') {
-            continue;
+    let walk = WalkBuilder::new(root)
+        .standard_filters(false)
+        .hidden(true)
+        .add_custom_ignore_filename(IGNORED)
+        .sort_by_file_name(std::ffi::OsStr::cmp)
+        .filter_entry(move |entry| {
+            let is_folder = entry.file_type().is_some_and(|kind| kind.is_dir());
+            !(is_folder && holds_results(entry.path()))
+        })
+        .build();
+    let mut jobs = Vec::new();
+    for entry in walk {
+        let entry = entry.map_err(|error| IntakeError::of_walk(root, error))?;
+        if let Some(error) = entry.error() {
+            tracing::warn!("{error}; what it was to leave out is not left out");
         }
-        // A link to a folder is not followed: it may lead back up.
-        if entry.file_type().map_err(unreadable)?.is_dir() {
-            search(root, &path, jobs)?;
-        } else if is_mesh(&path) && path.is_file() {
+        let path = entry.into_path();
+        if is_mesh(&path) && path.is_file() {
             let parts = path.strip_prefix(root).unwrap_or(&path).components();
             let name: Vec<_> = parts.map(|c| c.as_os_str().to_string_lossy()).collect();
             jobs.push(Job { name: name.join("/"), source: path });
         }
     }
-    Ok(())
+    Ok(jobs)
 }
 
-fn is_mesh(path: &Path) -> bool {
+impl IntakeError {
+    fn of_walk(root: &Path, error: ignore::Error) -> Self {
+        let path = path_of(&error).unwrap_or(root).to_owned();
+        let reason = error.to_string();
+        let source = error.into_io_error().unwrap_or_else(|| io::Error::other(reason));
+        Self::Unreadable { path, source }
+    }
+}
+
+/// Where a walk met an error.
+fn path_of(error: &ignore::Error) -> Option<&Path> {
+    match error {
+        ignore::Error::WithPath { path, .. } => Some(path),
+        ignore::Error::WithDepth { err, .. } | ignore::Error::WithLineNumber { err, .. } => {
+            path_of(err)
+        }
+        _ => None,
+    }
+}
+
+/// Whether the file could be a mesh, by its name.
+pub fn is_mesh(path: &Path) -> bool {
     path.extension().and_then(|e| e.to_str()).and_then(Format::of_extension).is_some()
 }
 
@@ -130,6 +167,34 @@ mod tests {
         let found = jobs(&[dir.path().into(), "missing.obj".into()]).unwrap();
         let names: Vec<&str> = found.iter().map(|job| job.name.as_str()).collect();
         assert_eq!(names, ["a/c.GLB", "b.obj", "d.off", "e.ply", "f.stl", "g.vtk", "missing.obj"]);
+    }
+
+    #[test]
+    fn what_is_to_be_ignored_is_and_links_to_files_are_followed() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = dir.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        for name in ["a.obj", "old/b.obj", "new/c.obj", "new/c_lod1.obj", "new/keep/d_lod1.obj"] {
+            write(name, "");
+        }
+        write(".chladniignore", "old/\n*_lod1.obj\n");
+        write("new/keep/.chladniignore", "!d_lod1.obj\n");
+        // Not ours.
+        write(".gitignore", "a.obj\n");
+        #[cfg(unix)]
+        {
+            let there = dir.path().join("old/b.obj");
+            std::os::unix::fs::symlink(there, dir.path().join("linked.obj")).unwrap();
+            std::os::unix::fs::symlink(dir.path(), dir.path().join("round")).unwrap();
+        }
+        let names: Vec<String> =
+            search(dir.path()).unwrap().into_iter().map(|job| job.name).collect();
+        let linked: &[&str] = if cfg!(unix) { &["linked.obj"] } else { &[] };
+        let expected = [&["a.obj"], linked, &["new/c.obj", "new/keep/d_lod1.obj"]].concat();
+        assert_eq!(names, expected);
     }
 
     #[test]

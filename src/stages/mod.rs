@@ -21,7 +21,7 @@
 //! - [`verdict`]: a certificate against the tolerances
 //! - [`failure`]: why a mesh could not be processed
 //! - [`weight`]: what a mesh takes of memory
-//! - [`line`]: the whole chain; [`run`]: a list of meshes on it; [`plan`]: what it would do
+//! - [`line`]: the whole chain; [`run`]: a list of meshes on it; [`watched`]: a folder on it; [`plan`]: what a run would do
 
 pub mod artifacts;
 pub mod assemble;
@@ -29,6 +29,7 @@ pub mod board;
 pub mod candidates;
 pub mod checkpoints;
 pub mod context;
+mod desk;
 pub mod failure;
 pub mod family;
 pub mod ingest;
@@ -51,6 +52,7 @@ pub mod tune;
 pub mod verdict;
 pub mod verify;
 pub mod warm;
+pub mod watched;
 pub mod weight;
 pub mod work;
 

@@ -111,8 +111,8 @@ fn write(
     withdraw(&folder, Some(&document))?;
     let vertex_map = &loaded.ingested.vertex_map;
     let arrays = EigenArrays { mesh, pairs: &pairs, mass: &mass, mass_kind, vertex_map };
-    write_if_changed(&folder.join("eigen.npz"), &arrays.to_npz())?;
-    let ply = folder.join("eigen.ply");
+    write_if_changed(&folder.join(ARRAYS), &arrays.to_npz())?;
+    let ply = folder.join(SURFACE);
     if context.pipeline.publish.ply {
         write_if_changed(&ply, &to_ply(mesh, &pairs))?;
     } else {
@@ -120,7 +120,7 @@ fn write(
     }
     // A recipe is there to be used by other runs: one that finds none leaves an earlier one where it is.
     if let Some(text) = recipe_file {
-        write_if_changed(&folder.join("recipe.toml"), text.as_bytes())?;
+        write_if_changed(&folder.join(RECIPE), text.as_bytes())?;
     }
     loaded.spent("publish", How::Computed, started.elapsed());
     let record = RunRecord { work: context.ledger.take(item), ..record(loaded.stages) };
@@ -150,6 +150,10 @@ pub fn unwritten_predicted(spectrum: &Spectrum, predicted: Predicted) -> MeshRep
     MeshReport { out: None, ..MeshReport::finished(name, String::new(), spectrum, reason, &record) }
 }
 
+const ARRAYS: &str = "eigen.npz";
+const SURFACE: &str = "eigen.ply";
+const RECIPE: &str = "recipe.toml";
+
 /// The file that tells what the work was.
 pub const RUN: &str = "run.json";
 
@@ -165,6 +169,26 @@ pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishErro
     let path = folder.join(SPECTRUM);
     let earlier = std::fs::read(&path).ok();
     if earlier.is_some() && earlier.as_deref() != current { remove(&path) } else { Ok(()) }
+}
+
+/// Removes the results of a mesh from the output folder `out`, and the folders that are empty then.
+///
+/// # Errors
+/// When the system refuses.
+pub fn remove_results(out: &Path, name: &str) -> Result<(), PublishError> {
+    let folder = out.join(name);
+    // First the one that says that the others are whole.
+    for file in [SPECTRUM, RUN, ARRAYS, SURFACE, RECIPE] {
+        remove(&folder.join(file))?;
+    }
+    let folders = folder.ancestors().take_while(|folder| *folder != out);
+    for folder in folders {
+        // What somebody else has put there stays.
+        if std::fs::remove_dir(folder).is_err() {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// The document of a verified mesh.

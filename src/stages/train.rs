@@ -12,9 +12,9 @@ use super::assemble::Assembled;
 use super::checkpoints::{self, Checkpoints};
 use super::context::{Context, Stop};
 use super::family::{Prepared, Seen, TrainingSet};
-use super::lineage::Parent;
+use super::lineage::{self, Parent};
 use super::work::{PARENTS_FRAME, Work, canonical};
-use super::{Failure, stand_in};
+use super::{Failure, models, stand_in};
 use crate::flow::events::How;
 use crate::ggnn::Block;
 use crate::ggnn::checkpoint::Checkpoint;
@@ -139,6 +139,11 @@ pub fn train(
     let recalled = context.recall_costly(item, work, stand_in, || {
         let blocks = trained(context, item, &mut state, &recipe, &wanted, &key)?;
         Ok(TrunkArtifact::of(&blocks))
+    });
+    let recalled = recalled.inspect_err(|failure| {
+        if matches!(failure, Failure::Superseded) {
+            leave_to_the_next_version(context, &state);
+        }
     })?;
     if let Some(store) = context.writable() {
         checkpoints::remove(&key, store);
@@ -156,6 +161,14 @@ pub fn train(
     }));
     state.assembled.loaded.spent(format!("train {functions}"), how, spent);
     Ok(state)
+}
+
+/// The blocks so far are what the next version of the mesh begins with.
+fn leave_to_the_next_version(context: &Context, state: &InTraining) {
+    if let Some(model) = models::remember(context, state) {
+        let parent = state.parent.as_deref();
+        lineage::record(context, &state.assembled.loaded, &model, parent);
+    }
 }
 
 /// What the blocks for φ of `wanted` depend on: a trunk of its own on the blocks before it, a shared one on K.

@@ -5,6 +5,7 @@
 //! mesh is taken in its bind pose. Compressed and quantised meshes are refused by name.
 
 mod accessor;
+mod beside;
 mod buffers;
 mod document;
 mod transform;
@@ -18,6 +19,8 @@ use self::accessor::Data;
 use self::transform::Affine;
 use crate::mesh::error::{Failure, Fault, Place};
 use crate::mesh::raw::{RawMesh, SameVertex, number, strip_corners};
+
+pub use beside::companions;
 
 /// Reads a document; its buffers lie inside it or in files beside `path`.
 pub fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, Failure> {

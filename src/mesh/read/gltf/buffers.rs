@@ -85,7 +85,7 @@ fn read_beside(folder: &Path, uri: &str, length: usize) -> Result<Vec<u8>, Strin
 }
 
 /// `%20` and its like in a URI, as the bytes they stand for.
-fn percent_decoded(uri: &str) -> String {
+pub fn percent_decoded(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let [byte, tail @ ..] = rest {

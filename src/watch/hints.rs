@@ -1,0 +1,192 @@
+//! When to look: when the system says that something has happened, and now and then.
+//!
+//! Whether the system says anything is found out with a cookie: a file that is made and removed in the folder, of which an
+//! event has to come. On network mounts and in some containers none does; then the folder is looked at every second, which
+//! is said. A look is a scan of the whole folder, so that watching by polling needs no watcher of its own.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use notify::event::{AccessKind, AccessMode};
+use notify::{ErrorKind, EventKind, RecommendedWatcher, RecursiveMode};
+use notify_debouncer_full::{DebounceEventResult, Debouncer, RecommendedCache, new_debouncer};
+use tokio::sync::Notify;
+use tokio::time::{Instant, sleep_until, timeout};
+
+/// Events of so long a time are one hint.
+const GATHERED: Duration = Duration::from_millis(40);
+
+/// How long an event of the cookie is waited for.
+const COOKIE: Duration = Duration::from_secs(2);
+
+/// A look without a hint: where the system gives hints, and where it does not.
+const NOW_AND_THEN: Duration = Duration::from_secs(30);
+const POLLING: Duration = Duration::from_secs(1);
+
+/// Hints of one folder.
+pub struct Hints {
+    heard: Arc<Notify>,
+    every: Duration,
+    watcher: Option<Debouncer<RecommendedWatcher, RecommendedCache>>,
+}
+
+/// Why a folder is polled.
+#[derive(Debug, thiserror::Error)]
+pub enum Silent {
+    /// The system cannot watch more.
+    #[error(
+        "the system's limit of watched folders is reached; raise it with `sysctl fs.inotify.max_user_watches=1048576`"
+    )]
+    TooMany,
+    /// It refuses.
+    #[error("the system does not watch it: {0}")]
+    Refused(notify::Error),
+    /// It says nothing.
+    #[error("the system says nothing of what happens there, as on network mounts")]
+    NoEvents,
+}
+
+impl Hints {
+    /// Listens to what happens below `folder`, what `counts` leaves out aside; polls, and says why, where the system is silent.
+    pub async fn of(
+        folder: &Path,
+        counts: impl Fn(&Path) -> bool + Send + 'static,
+    ) -> (Self, Option<Silent>) {
+        match Self::native(folder, counts).await {
+            Ok(hints) => (hints, None),
+            Err(silent) => (Self::polling(POLLING), Some(silent)),
+        }
+    }
+
+    /// A look every so often, whatever the system says.
+    pub fn polling(every: Duration) -> Self {
+        Self { heard: Arc::default(), every, watcher: None }
+    }
+
+    /// Whether the system says when something happens.
+    pub fn is_native(&self) -> bool {
+        self.watcher.is_some()
+    }
+
+    /// Waits for a hint, until the next look without one, where the last was at `looked`, or until one is `due`.
+    pub async fn next(&self, looked: std::time::Instant, due: Option<std::time::Instant>) {
+        let regular = Instant::from(looked) + self.every;
+        let until = due.map_or(regular, |due| regular.min(due.into()));
+        tokio::select! {
+            () = self.heard.notified() => {}
+            () = sleep_until(until) => {}
+        }
+    }
+
+    async fn native(
+        folder: &Path,
+        counts: impl Fn(&Path) -> bool + Send + 'static,
+    ) -> Result<Self, Silent> {
+        let (heard, found) = (Arc::new(Notify::new()), Arc::new(Notify::new()));
+        let (hint, cookie) = (heard.clone(), cookie_in(folder));
+        let (seen, awaited) = (found.clone(), cookie.clone());
+        let listen = move |events: DebounceEventResult| {
+            // An error is a queue that overflowed, or a folder that is gone: a reason to look.
+            let Ok(events) = events else { return hint.notify_one() };
+            let happened = events.iter().filter(|event| !is_reading(event.kind));
+            let mut paths = happened.flat_map(|event| match event.paths.as_slice() {
+                // Nobody knows where: the folder has to be looked at.
+                [] => vec![PathBuf::new()],
+                paths => paths.to_vec(),
+            });
+            if events.iter().any(|event| event.paths.iter().any(|path| *path == awaited)) {
+                seen.notify_one();
+            }
+            if paths.any(|path| path != awaited && (path.as_os_str().is_empty() || counts(&path))) {
+                hint.notify_one();
+            }
+        };
+        let refused = |error: notify::Error| match error.kind {
+            ErrorKind::MaxFilesWatch => Silent::TooMany,
+            _ => Silent::Refused(error),
+        };
+        let mut watcher = new_debouncer(GATHERED, None, listen).map_err(refused)?;
+        watcher.watch(folder, RecursiveMode::Recursive).map_err(refused)?;
+        // Where nothing can be written, the look now and then has to do.
+        if std::fs::write(&cookie, "").is_ok() {
+            let came = timeout(COOKIE, found.notified()).await.is_ok();
+            let _ = std::fs::remove_file(&cookie);
+            if !came {
+                return Err(Silent::NoEvents);
+            }
+        }
+        Ok(Self { heard, every: NOW_AND_THEN, watcher: Some(watcher) })
+    }
+}
+
+/// Reading a file is an event too: our own.
+fn is_reading(kind: EventKind) -> bool {
+    match kind {
+        EventKind::Access(AccessKind::Close(AccessMode::Write)) => false,
+        EventKind::Access(_) => true,
+        _ => false,
+    }
+}
+
+fn cookie_in(folder: &Path) -> PathBuf {
+    folder.join(format!(".chladni-cookie-{}", std::process::id()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// Whether a hint comes within so many milliseconds.
+    async fn comes(hints: &Hints, within: u64) -> bool {
+        timeout(Duration::from_millis(within), hints.heard.notified()).await.is_ok()
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn writing_renaming_and_new_folders_are_hints_and_reading_and_what_does_not_count_are_none()
+     {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().canonicalize().unwrap();
+        fs::create_dir(folder.join("out")).unwrap();
+        let out = folder.join("out");
+        let (hints, silent) = Hints::of(&folder, move |path| !path.starts_with(&out)).await;
+        if let Some(silent) = silent {
+            eprintln!("skipped: {silent}");
+            return;
+        }
+        assert!(hints.is_native());
+        // The cookie's removal is no hint.
+        assert!(!comes(&hints, 300).await);
+        fs::write(folder.join("a.obj"), "v").unwrap();
+        assert!(comes(&hints, 5000).await);
+        while comes(&hints, 200).await {}
+        fs::read(folder.join("a.obj")).unwrap();
+        fs::write(folder.join("out/eigen.npz"), "x").unwrap();
+        assert!(!comes(&hints, 300).await);
+        fs::rename(folder.join("a.obj"), folder.join("b.obj")).unwrap();
+        assert!(comes(&hints, 5000).await);
+        while comes(&hints, 200).await {}
+        fs::create_dir_all(folder.join("deep/er")).unwrap();
+        fs::write(folder.join("deep/er/c.obj"), "v").unwrap();
+        assert!(comes(&hints, 5000).await);
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn without_hints_there_is_a_look_now_and_then_and_when_one_is_due() {
+        let hints = Hints::polling(Duration::from_millis(50));
+        let began = std::time::Instant::now();
+        hints.next(began, None).await;
+        assert!(began.elapsed() >= Duration::from_millis(45));
+        let slow = Hints::polling(Duration::from_secs(60));
+        slow.next(began, Some(began)).await;
+        assert!(began.elapsed() < Duration::from_secs(30));
+    }
+
+    #[tokio::test]
+    async fn a_folder_that_is_not_there_is_polled() {
+        let (hints, silent) = Hints::of(Path::new("/nowhere/at/all"), |_| true).await;
+        assert!(!hints.is_native());
+        assert!(matches!(silent, Some(Silent::Refused(_))));
+    }
+}
