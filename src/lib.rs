@@ -5,7 +5,7 @@
 //! ```text
 //! mesh ─► operators, remesh ─► spectrum ─┬─► ggnn ────┐
 //!                                        └─► publish ─┼─► stages ─► cli
-//! store, flow (know nothing of meshes) ───────────────┘
+//! store, flow, watch (know nothing of meshes) ────────┘
 //! ```
 //! A program starts at [`stages::run`]; a single mesh and its spectrum at [`mesh::load`] and [`spectrum::fem`].
 

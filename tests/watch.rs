@@ -36,7 +36,8 @@ struct Watched {
 impl Watched {
     /// Watches `meshes` of a workspace, and waits until all that is there is current.
     fn start(workspace: Workspace, arguments: &[&str]) -> Self {
-        let mut child = Self::command(&workspace, arguments).stdout(Stdio::piped()).spawn().unwrap();
+        let mut child =
+            Self::command(&workspace, arguments).stdout(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let (tell, heard) = channel();
         std::thread::spawn(move || {
@@ -194,6 +195,7 @@ fn a_rename_takes_the_results_along_and_a_deletion_keeps_or_removes_them() {
     let said = watched.until(|happened| matches!(happened, Happened::Moved { .. }));
     let moved = Happened::Moved { from: "sphere.obj".into(), path: "ball.obj".into() };
     assert_eq!(said.last(), Some(&moved), "{said:?}");
+    watched.until_idle();
     assert_eq!(watched.computed(), computed);
     let out = watched.workspace.path("out");
     assert_eq!(std::fs::read(out.join("ball.obj/spectrum.json")).unwrap(), before);
@@ -202,6 +204,7 @@ fn a_rename_takes_the_results_along_and_a_deletion_keeps_or_removes_them() {
     std::fs::remove_file(watched.mesh("ball.obj")).unwrap();
     let said = watched.until(|happened| matches!(happened, Happened::Deleted { .. }));
     assert!(matches!(said.last(), Some(Happened::Deleted { results_kept: true, .. })));
+    watched.until_idle();
     assert!(out.join("ball.obj/eigen.npz").exists());
 
     // A pipeline that changes is read again, and every mesh is looked at again.
@@ -299,7 +302,9 @@ fn a_newer_save_ends_the_work_on_the_older_one() {
 
     watched.workspace.write("pipeline.toml", &slow);
     watched.until(|happened| matches!(happened, Happened::Pipeline { error: None }));
+    let deadline = Instant::now() + Duration::from_secs(60);
     while !under_way() {
+        assert!(Instant::now() < deadline, "it never trained again");
         std::thread::sleep(Duration::from_millis(50));
     }
     watched.save("egg.obj", &ellipsoid(1.3));
@@ -344,8 +349,101 @@ fn once_does_what_there_is_to_do_and_ends() {
     assert_eq!(code, Some(0), "{said:?}");
     let idle = Happened::Idle { meshes: 1, verified: 1, unverified: 0, failed: 0 };
     assert_eq!(said.last(), Some(&idle));
-    let verified = |happened: &&Happened| {
-        matches!(happened, Happened::Done { status: Status::Verified, .. })
-    };
+    let verified =
+        |happened: &&Happened| matches!(happened, Happened::Done { status: Status::Verified, .. });
     assert_eq!(said.iter().filter(verified).count(), 1);
+}
+
+/// So many operations of a writer who does everything that writers do, drawn from a seed.
+fn chaos(folder: &std::path::Path, operations: u64, seed: u64) {
+    use rand::{Rng, SeedableRng};
+    use std::fs;
+    use std::io::Write;
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let folders = ["", "a", "b", "a/deep"];
+    for operation in 0..operations {
+        let mut name = || {
+            let place = folders[rng.random_range(0..folders.len())];
+            folder.join(place).join(format!("{}.obj", rng.random_range(0..4)))
+        };
+        let (one, other) = (name(), name());
+        let text = obj(&ellipsoid(1.1 + 0.1 * rng.random_range(0..30) as f64));
+        let _ = fs::create_dir_all(one.parent().unwrap());
+        // Whatever is not there cannot be renamed or deleted: that is part of it.
+        let _ = match rng.random_range(0..8) {
+            0 | 1 => fs::write(&one, &text),
+            2 => {
+                let mut file = fs::File::create(&one).unwrap();
+                for part in text.as_bytes().chunks(text.len() / 3 + 1) {
+                    let _ = file.write_all(part);
+                    std::thread::sleep(Duration::from_millis(rng.random_range(0..6)));
+                }
+                Ok(())
+            }
+            3 => {
+                let temporary = one.with_extension("tmp");
+                fs::write(&temporary, &text).and_then(|()| fs::rename(&temporary, &one))
+            }
+            4 => {
+                fs::create_dir_all(other.parent().unwrap()).and_then(|()| fs::rename(&one, &other))
+            }
+            5 => fs::remove_file(&one),
+            6 => fs::remove_file(&one).and_then(|()| fs::write(&one, &text)),
+            _ => {
+                let (from, to) = (folder.join("a"), folder.join("moved"));
+                let away = fs::rename(&from, &to);
+                std::thread::sleep(Duration::from_millis(rng.random_range(0..30)));
+                away.and_then(|()| fs::rename(&to, &from))
+            }
+        };
+        if operation % 50 == 0 {
+            std::thread::sleep(Duration::from_millis(rng.random_range(0..200)));
+        }
+    }
+}
+
+/// The results below a folder: every file by its name, but for times and logs.
+fn results(out: &std::path::Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = std::collections::BTreeMap::new();
+    let mut folders = vec![out.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if ["spectrum.json", "eigen.npz", "eigen.ply"].iter().any(|n| path.ends_with(n))
+            {
+                let bytes = std::fs::read(&path).unwrap();
+                found.insert(path.strip_prefix(out).unwrap().to_owned(), bytes);
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn after_chaos_the_results_are_those_of_a_fresh_run() {
+    let pipeline = FEM.to_owned() + "[publish]\non_delete = \"remove\"\n";
+    for (lineage, seed) in [("off", 1), ("on", 2)] {
+        let watched = Watched::start(Workspace::new(&pipeline), &["--lineage", lineage]);
+        chaos(&watched.workspace.path("meshes"), 2000, seed);
+        // Everything has been current once more after the last look that is due.
+        std::thread::sleep(Duration::from_millis(1500));
+        while watched.heard.recv_timeout(Duration::from_millis(1500)).is_ok() {}
+        let fresh = Workspace::new(&pipeline);
+        let meshes = watched.workspace.path("meshes");
+        let arguments = ["--lineage", "off", "--input", meshes.to_str().unwrap()];
+        let (code, report) = fresh.report(&arguments);
+        assert_eq!(code, 0, "{report:?}");
+        let [ours, theirs] =
+            [&watched.workspace, &fresh].map(|workspace| results(&workspace.path("out")));
+        assert_eq!(ours.keys().collect::<Vec<_>>(), theirs.keys().collect::<Vec<_>>());
+        if lineage == "off" {
+            assert!(ours == theirs);
+        }
+        let status = |bytes: &[u8]| serde_json::from_slice::<Spectrum>(bytes).unwrap().status;
+        for (path, bytes) in ours.iter().filter(|(path, _)| path.ends_with("spectrum.json")) {
+            assert_eq!(status(bytes), status(&theirs[path]), "{}", path.display());
+        }
+    }
 }

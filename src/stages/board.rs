@@ -1,6 +1,6 @@
 //! Where every mesh of a run stands: the stages write it down, and the run tells others.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -26,6 +26,8 @@ struct Entries {
     /// How many meshes there are.
     meshes: usize,
     under_way: BTreeMap<usize, Entry>,
+    /// Those that are no longer wanted, begun or not.
+    dropped: BTreeSet<usize>,
     /// How every mesh ended for the last time.
     ended: BTreeMap<String, Status>,
     /// How often one did.
@@ -38,8 +40,6 @@ struct Entry {
     stage: String,
     since: Instant,
     began: Instant,
-    /// It is no longer wanted.
-    is_dropped: bool,
 }
 
 impl Board {
@@ -57,14 +57,12 @@ impl Board {
 
     /// The work on a mesh is no longer wanted: it ends at the next opportunity.
     pub fn drops(&self, item: usize) {
-        if let Some(entry) = self.entries().under_way.get_mut(&item) {
-            entry.is_dropped = true;
-        }
+        self.entries().dropped.insert(item);
     }
 
     /// Whether the work on a mesh is no longer wanted.
     pub fn is_dropped(&self, item: usize) -> bool {
-        self.entries().under_way.get(&item).is_some_and(|entry| entry.is_dropped)
+        self.entries().dropped.contains(&item)
     }
 
     /// There is no such mesh any more.
@@ -102,6 +100,7 @@ impl Board {
     pub fn ends(&self, item: usize, path: &str, status: Option<Status>) {
         let mut entries = self.entries();
         entries.under_way.remove(&item);
+        entries.dropped.remove(&item);
         if let Some(status) = status {
             entries.ended.insert(path.into(), status);
             entries.endings += 1;

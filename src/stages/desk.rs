@@ -36,13 +36,15 @@ impl Desk {
         self.waiting.insert(waiting.job.name.clone(), waiting);
     }
 
-    /// The mesh whose turn it is.
-    pub fn take(&mut self) -> Option<Waiting> {
+    /// The mesh whose turn it is; none of an older version that is still worked on, which `is_busy` tells: its results would
+    /// come over those of the newer one.
+    pub fn take(&mut self, is_busy: impl Fn(&str) -> bool) -> Option<Waiting> {
         let order = |waiting: &Waiting| {
             let turns = self.turns.get(&waiting.job.name).copied().unwrap_or(0);
             (turns, u64::MAX - waiting.saved)
         };
-        let next = self.waiting.values().min_by_key(|waiting| order(waiting))?.job.name.clone();
+        let free = self.waiting.values().filter(|waiting| !is_busy(&waiting.job.name));
+        let next = free.min_by_key(|waiting| order(waiting))?.job.name.clone();
         *self.turns.entry(next.clone()).or_default() += 1;
         self.waiting.remove(&next)
     }
@@ -56,6 +58,11 @@ impl Desk {
     pub fn drop(&mut self, name: &str) {
         self.waiting.remove(name);
         self.turns.remove(name);
+    }
+
+    /// Whether somebody waits who is not busy.
+    pub fn has_free(&self, is_busy: impl Fn(&str) -> bool) -> bool {
+        self.waiting.keys().any(|name| !is_busy(name))
     }
 
     /// Whether nobody waits.
@@ -74,7 +81,7 @@ mod tests {
     }
 
     fn take(desk: &mut Desk) -> String {
-        desk.take().unwrap().job.name
+        desk.take(|_| false).unwrap().job.name
     }
 
     #[test]
@@ -82,7 +89,7 @@ mod tests {
         let mut desk = Desk::default();
         ["a", "b", "c", "a"].iter().for_each(|name| put(&mut desk, name));
         assert_eq!([take(&mut desk), take(&mut desk), take(&mut desk)], ["a", "c", "b"]);
-        assert!(desk.is_empty() && desk.take().is_none());
+        assert!(desk.is_empty() && desk.take(|_| false).is_none());
     }
 
     #[test]
@@ -100,6 +107,9 @@ mod tests {
         ["b", "busy"].iter().for_each(|name| put(&mut desk, name));
         desk.is_done("b");
         assert_eq!(take(&mut desk), "busy");
+        put(&mut desk, "a");
+        assert_eq!(desk.take(|name| name == "b").map(|next| next.job.name), Some("a".into()));
+        assert!(!desk.has_free(|name| name == "b") && desk.has_free(|_| false));
         desk.drop("b");
         assert!(desk.is_empty());
     }

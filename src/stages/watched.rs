@@ -90,25 +90,26 @@ pub async fn watch(
     source: &dyn Source,
     tell: &dyn Fn(&Happened),
 ) -> Result<Ended, WatchError> {
-    let hints = listen(&watch).await;
+    let (hints, silent) = listen(&watch, source.file()).await;
+    // Looked at before it is read: a change in between is seen.
+    let used = source.file().and_then(|file| Stamp::of(file, Vec::new()).ok());
+    let (mut pipeline, mut model) = source.read().map_err(WatchError::Pipeline)?;
     let mut house = House {
         watch,
-        hints: hints.0,
+        hints,
+        silent: Some(silent),
         settling: Settling::default(),
-        seen: HashMap::new(),
+        pipeline: Settling::default(),
+        used,
+        seen: BTreeMap::new(),
         known: BTreeMap::new(),
         left: Vec::new(),
+        removes: false,
         ended: Ended::default(),
         tell,
     };
-    let (mut pipeline, mut model) = source.read().map_err(WatchError::Pipeline)?;
-    let mut stamp = source.file().and_then(|file| Stamp::of(file, Vec::new()).ok());
-    let mut silent = Some(hints.1);
     loop {
-        let goes_on = house
-            .keep_current(pipeline.clone(), model.clone(), source, &mut stamp, &mut silent)
-            .await?;
-        match goes_on {
+        match house.keep_current(pipeline, model, source).await? {
             Next::End => return Ok(house.ended),
             Next::Pipeline(changed, given) => (pipeline, model) = (*changed, given),
         }
@@ -129,25 +130,38 @@ pub enum WatchError {
     Intake(#[from] intake::IntakeError),
 }
 
-async fn listen(watch: &Watch) -> (Hints, Option<Silent>) {
-    match watch.poll {
-        Some(every) => (Hints::polling(every), None),
-        None => {
-            let (out, cache) =
-                (watch.out.clone(), watch.store.as_ref().map(|s| s.dir().to_owned()));
-            let is_ours = move |path: &Path| {
-                path.starts_with(&out)
-                    || cache.as_ref().is_some_and(|cache| path.starts_with(cache))
-            };
-            Hints::of(&watch.folder, move |path| !is_ours(path)).await
-        }
+async fn listen(watch: &Watch, pipeline: Option<&Path>) -> (Hints, Option<Silent>) {
+    if let Some(every) = watch.poll {
+        return (Hints::polling(&watch.folder, every), None);
     }
+    let pipeline = pipeline.and_then(|file| file.canonicalize().ok());
+    let (folder, file, out) = (watch.folder.clone(), pipeline.clone(), watch.out.clone());
+    let cache = watch.store.as_ref().and_then(|store| store.dir().canonicalize().ok());
+    let counts = move |path: &Path| {
+        let is_ours =
+            path.starts_with(&out) || cache.as_ref().is_some_and(|cache| path.starts_with(cache));
+        file.as_deref() == Some(path) || (path.starts_with(&folder) && !is_ours)
+    };
+    Hints::of(&watch.folder, pipeline.as_deref(), counts).await
 }
 
 /// How a watch goes on after a line has ended.
 enum Next {
     End,
     Pipeline(Box<Pipeline>, Option<Arc<GivenModel>>),
+}
+
+/// Why the folder is looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Look {
+    /// The system has said that something has happened.
+    Hinted,
+    /// It was time.
+    Regular,
+}
+
+fn is_busy(begun: &HashMap<usize, Begun>, name: &str) -> bool {
+    begun.values().any(|begun| begun.waiting.job.name == name)
 }
 
 /// A mesh on the line.
@@ -183,11 +197,18 @@ const PAUSE: u32 = 3;
 struct House<'t> {
     watch: Watch,
     hints: Hints,
+    /// Why there are none, until that is told.
+    silent: Option<Option<Silent>>,
     settling: Settling,
+    /// The pipeline file, and what it was when it was read.
+    pipeline: Settling,
+    used: Option<Stamp>,
     /// The files of the last scan, for what belongs to them.
-    seen: HashMap<PathBuf, Stamp>,
+    seen: BTreeMap<PathBuf, Stamp>,
     known: BTreeMap<String, Known>,
     left: Vec<Left>,
+    /// Results of meshes that are gone go too.
+    removes: bool,
     ended: Ended,
     tell: &'t dyn Fn(&Happened),
 }
@@ -199,10 +220,8 @@ impl House<'_> {
         pipeline: Pipeline,
         model: Option<Arc<GivenModel>>,
         source: &dyn Source,
-        pipeline_stamp: &mut Option<Stamp>,
-        silent: &mut Option<Option<Silent>>,
     ) -> Result<Next, WatchError> {
-        let on_delete = pipeline.publish.on_delete;
+        self.removes = pipeline.publish.on_delete == OnDelete::Remove;
         let cancel = self.watch.cancel.child_token();
         let context = Arc::new(self.context(pipeline, model, cancel.clone()));
         let told = CancellationToken::new();
@@ -226,24 +245,30 @@ impl House<'_> {
         drop(entrance);
         let (mut next_item, mut is_idle) = (0, false);
         // Every look is followed by a pause, whatever hints come meanwhile.
-        let (mut looked, mut pause_until, mut is_hinted) = (Instant::now(), Instant::now(), true);
+        let (mut looked, mut pause_until) = (Instant::now(), Instant::now());
+        let mut look = Some(Look::Regular);
         let next = loop {
-            if is_hinted && Instant::now() >= pause_until {
-                is_hinted = false;
+            if Instant::now() >= pause_until
+                && let Some(why) = look.take()
+            {
                 looked = Instant::now();
-                if let Some(next) = self.pipeline_changed(source, pipeline_stamp) {
+                if let Some(next) = self.pipeline_changed(source) {
                     break next;
                 }
-                let changes = self.scan().await?;
+                let is_first = self.silent.is_some();
+                let (changes, is_news) = self.scan().await?;
+                if is_news && why == Look::Regular && !is_first {
+                    self.hints.renew();
+                }
                 context.board.expects(self.seen.len());
-                if let Some(silent) = silent.take() {
+                if let Some(silent) = self.silent.take() {
                     let folder = self.watch.folder.display().to_string();
                     let polled = silent.map(|silent| silent.to_string());
                     (self.tell)(&Happened::Watching { folder, meshes: self.seen.len(), polled });
                 }
                 for change in changes {
                     is_idle = false;
-                    self.take_note(change, &context, &mut desk, &mut begun, on_delete);
+                    self.take_note(change, &context, &mut desk, &mut begun);
                 }
                 pause_until = Instant::now() + PAUSE * looked.elapsed();
             }
@@ -254,21 +279,24 @@ impl House<'_> {
                     break Next::End;
                 }
             }
-            let due = self.settling.next_look();
+            let due =
+                [&self.settling, &self.pipeline].into_iter().filter_map(Settling::next_look).min();
             tokio::select! {
                 biased;
                 () = self.watch.cancel.cancelled() => break Next::End,
                 Some(outcome) = outcomes.recv() => {
                     self.settle(outcome, &context, &mut desk, &mut begun);
                 }
-                Ok(permit) = to_line.reserve(), if !desk.is_empty() => {
-                    let Some(waiting) = desk.take() else { continue };
+                Ok(permit) = to_line.reserve(), if desk.has_free(|name| is_busy(&begun, name)) => {
+                    let Some(waiting) = desk.take(|name| is_busy(&begun, name)) else { continue };
                     begun.insert(next_item, Begun { waiting: waiting.clone(), is_wanted: true });
                     permit.send((next_item, waiting));
                     next_item += 1;
                 }
-                () = tokio::time::sleep_until(pause_until.into()), if is_hinted => {}
-                () = self.hints.next(looked, due), if !is_hinted => is_hinted = true,
+                () = tokio::time::sleep_until(pause_until.into()), if look.is_some() => {}
+                is_hint = self.hints.next(looked, due), if look.is_none() => {
+                    look = Some(if is_hint { Look::Hinted } else { Look::Regular });
+                }
             }
         };
         // What is under way ends at its next opportunity; what it has finished is kept.
@@ -302,23 +330,31 @@ impl House<'_> {
         }
     }
 
-    /// What the files of the folder have become since the last look.
-    async fn scan(&mut self) -> Result<Vec<Change>, WatchError> {
+    /// What the files of the folder have become, and whether anything is not as it was at the last look.
+    async fn scan(&mut self) -> Result<(Vec<Change>, bool), WatchError> {
         let (folder, before) = (self.watch.folder.clone(), std::mem::take(&mut self.seen));
-        let scanned = tokio::task::spawn_blocking(move || scan(&folder, &before)).await;
-        let seen = scanned.map_err(io::Error::other)??;
-        self.seen = seen.iter().map(|(path, stamp)| (path.clone(), stamp.clone())).collect();
-        Ok(self.settling.look(Instant::now(), seen))
+        let scanned = tokio::task::spawn_blocking(move || {
+            let seen = scan(&folder, &before)?;
+            let is_news = seen != before;
+            Ok((seen, is_news))
+        });
+        let scanned: Result<_, intake::IntakeError> = scanned.await.map_err(io::Error::other)?;
+        let (seen, is_news) = scanned?;
+        self.seen.clone_from(&seen);
+        Ok((self.settling.look(Instant::now(), seen), is_news))
     }
 
-    /// A pipeline file that has changed, and can be used.
-    fn pipeline_changed(&self, source: &dyn Source, stamp: &mut Option<Stamp>) -> Option<Next> {
-        let now = Stamp::of(source.file()?, Vec::new()).ok();
-        // A save may remove it for a moment.
-        if now.is_none() || now == *stamp {
+    /// A pipeline file that has changed, is whole, and can be used.
+    fn pipeline_changed(&mut self, source: &dyn Source) -> Option<Next> {
+        let file = source.file()?;
+        let seen = Stamp::of(file, Vec::new()).ok();
+        let seen = seen.map(|stamp| (file.to_owned(), stamp)).into_iter().collect();
+        let changes = self.pipeline.look(Instant::now(), seen);
+        // One that is gone stays in force: a save may remove it for a moment.
+        let Some(Change::Ready(_, stamp)) = changes.into_iter().next() else { return None };
+        if self.used.replace(stamp.clone()) == Some(stamp) {
             return None;
         }
-        *stamp = now;
         match source.read() {
             Ok((pipeline, model)) => {
                 (self.tell)(&Happened::Pipeline { error: None });
@@ -337,7 +373,6 @@ impl House<'_> {
         context: &Context,
         desk: &mut Desk,
         begun: &mut HashMap<usize, Begun>,
-        on_delete: OnDelete,
     ) {
         match change {
             Change::Ready(source, stamp) => {
@@ -366,11 +401,10 @@ impl House<'_> {
                     self.left.retain(|left| left.at.elapsed() < RENAMED);
                     self.left.push(Left { name: name.clone(), hash, at: Instant::now() });
                 }
-                let kept = on_delete == OnDelete::Keep;
-                if !kept {
+                if self.removes {
                     self.remove_results(&name);
                 }
-                (self.tell)(&Happened::Deleted { path: name, results_kept: kept });
+                (self.tell)(&Happened::Deleted { path: name, results_kept: !self.removes });
             }
         }
     }
@@ -406,6 +440,13 @@ impl House<'_> {
             return;
         };
         match result {
+            // It was done before it could be dropped.
+            Ok(_) if !is_wanted => {
+                context.board.ends(item, &job.name, None);
+                if !self.known.contains_key(&job.name) && self.removes {
+                    self.remove_results(&job.name);
+                }
+            }
             Ok(report) => {
                 context.board.ends(item, &job.name, Some(report.status));
                 desk.is_done(&job.name);
@@ -483,7 +524,7 @@ const LONG_AGO: Duration = Duration::from_secs(3600);
 /// All meshes of the folder as they are now. What belongs to a file is found out when the file has changed.
 fn scan(
     folder: &Path,
-    before: &HashMap<PathBuf, Stamp>,
+    before: &BTreeMap<PathBuf, Stamp>,
 ) -> Result<BTreeMap<PathBuf, Stamp>, intake::IntakeError> {
     let look = |job: Job| {
         let alone = Stamp::of(&job.source, Vec::new()).ok()?;

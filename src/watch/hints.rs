@@ -20,15 +20,29 @@ const GATHERED: Duration = Duration::from_millis(40);
 /// How long an event of the cookie is waited for.
 const COOKIE: Duration = Duration::from_secs(2);
 
-/// A look without a hint: where the system gives hints, and where it does not.
-const NOW_AND_THEN: Duration = Duration::from_secs(30);
+/// Looks without a hint, where the system gives hints: soon after one, since folders that are moved or made just then are not
+/// listened to at once, and seldom when nothing has happened for long.
+const SOON: Duration = Duration::from_millis(500);
+const SELDOM: Duration = Duration::from_secs(30);
+
+/// Where it gives none.
 const POLLING: Duration = Duration::from_secs(1);
 
 /// Hints of one folder.
 pub struct Hints {
+    folder: PathBuf,
     heard: Arc<Notify>,
-    every: Duration,
-    watcher: Option<Debouncer<RecommendedWatcher, RecommendedCache>>,
+    kind: Kind,
+}
+
+enum Kind {
+    /// A look every so often.
+    Polled(Duration),
+    Native {
+        watcher: Box<Debouncer<RecommendedWatcher, RecommendedCache>>,
+        /// When the last hint came.
+        last: Instant,
+    },
 }
 
 /// Why a folder is polled.
@@ -48,39 +62,70 @@ pub enum Silent {
 }
 
 impl Hints {
-    /// Listens to what happens below `folder`, what `counts` leaves out aside; polls, and says why, where the system is silent.
+    /// Listens to what happens below `folder`, and to the file `beside` it; not to what `counts` leaves out. Polls, and says
+    /// why, where the system is silent.
     pub async fn of(
         folder: &Path,
+        beside: Option<&Path>,
         counts: impl Fn(&Path) -> bool + Send + 'static,
     ) -> (Self, Option<Silent>) {
-        match Self::native(folder, counts).await {
+        match Self::native(folder, beside, counts).await {
             Ok(hints) => (hints, None),
-            Err(silent) => (Self::polling(POLLING), Some(silent)),
+            Err(silent) => (Self::polling(folder, POLLING), Some(silent)),
         }
     }
 
     /// A look every so often, whatever the system says.
-    pub fn polling(every: Duration) -> Self {
-        Self { heard: Arc::default(), every, watcher: None }
+    pub fn polling(folder: &Path, every: Duration) -> Self {
+        Self { folder: folder.into(), heard: Arc::default(), kind: Kind::Polled(every) }
     }
 
     /// Whether the system says when something happens.
     pub fn is_native(&self) -> bool {
-        self.watcher.is_some()
+        matches!(self.kind, Kind::Native { .. })
     }
 
-    /// Waits for a hint, until the next look without one, where the last was at `looked`, or until one is `due`.
-    pub async fn next(&self, looked: std::time::Instant, due: Option<std::time::Instant>) {
-        let regular = Instant::from(looked) + self.every;
+    /// Waits for a hint, until the next look without one, where the last was at `looked`, or until one is `due`. Whether it was a
+    /// hint.
+    pub async fn next(
+        &mut self,
+        looked: std::time::Instant,
+        due: Option<std::time::Instant>,
+    ) -> bool {
+        let looked = Instant::from(looked);
+        let regular = looked
+            + match &self.kind {
+                Kind::Polled(every) => *every,
+                Kind::Native { last, .. } => {
+                    looked.saturating_duration_since(*last).clamp(SOON, SELDOM)
+                }
+            };
         let until = due.map_or(regular, |due| regular.min(due.into()));
         tokio::select! {
-            () = self.heard.notified() => {}
-            () = sleep_until(until) => {}
+            () = self.heard.notified() => {
+                if let Kind::Native { last, .. } = &mut self.kind {
+                    *last = Instant::now();
+                }
+                true
+            }
+            () = sleep_until(until) => false,
+        }
+    }
+
+    /// Something has happened that no hint has told of: listens anew, since some folder is not listened to.
+    pub fn renew(&mut self) {
+        let Kind::Native { watcher, last } = &mut self.kind else { return };
+        *last = Instant::now();
+        // Where it is not listened to, there is nothing to end.
+        let _ = watcher.unwatch(&self.folder);
+        if let Err(error) = watcher.watch(&self.folder, RecursiveMode::Recursive) {
+            tracing::warn!("{}: changes are seen late: {error}", self.folder.display());
         }
     }
 
     async fn native(
         folder: &Path,
+        beside: Option<&Path>,
         counts: impl Fn(&Path) -> bool + Send + 'static,
     ) -> Result<Self, Silent> {
         let (heard, found) = (Arc::new(Notify::new()), Arc::new(Notify::new()));
@@ -108,6 +153,12 @@ impl Hints {
         };
         let mut watcher = new_debouncer(GATHERED, None, listen).map_err(refused)?;
         watcher.watch(folder, RecursiveMode::Recursive).map_err(refused)?;
+        // Its folder, since a save may put another file in its place; where that cannot be watched, a look now and then does.
+        if let Some(around) = beside.and_then(Path::parent)
+            && let Err(error) = watcher.watch(around, RecursiveMode::NonRecursive)
+        {
+            tracing::debug!("{}: {error}", around.display());
+        }
         // Where nothing can be written, the look now and then has to do.
         if std::fs::write(&cookie, "").is_ok() {
             let came = timeout(COOKIE, found.notified()).await.is_ok();
@@ -116,7 +167,8 @@ impl Hints {
                 return Err(Silent::NoEvents);
             }
         }
-        Ok(Self { heard, every: NOW_AND_THEN, watcher: Some(watcher) })
+        let kind = Kind::Native { watcher: Box::new(watcher), last: Instant::now() };
+        Ok(Self { folder: folder.into(), heard, kind })
     }
 }
 
@@ -150,7 +202,7 @@ mod tests {
         let folder = dir.path().canonicalize().unwrap();
         fs::create_dir(folder.join("out")).unwrap();
         let out = folder.join("out");
-        let (hints, silent) = Hints::of(&folder, move |path| !path.starts_with(&out)).await;
+        let (hints, silent) = Hints::of(&folder, None, move |path| !path.starts_with(&out)).await;
         if let Some(silent) = silent {
             eprintln!("skipped: {silent}");
             return;
@@ -174,18 +226,18 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread")]
     async fn without_hints_there_is_a_look_now_and_then_and_when_one_is_due() {
-        let hints = Hints::polling(Duration::from_millis(50));
+        let mut hints = Hints::polling(Path::new("here"), Duration::from_millis(50));
         let began = std::time::Instant::now();
         hints.next(began, None).await;
         assert!(began.elapsed() >= Duration::from_millis(45));
-        let slow = Hints::polling(Duration::from_secs(60));
+        let mut slow = Hints::polling(Path::new("here"), Duration::from_secs(60));
         slow.next(began, Some(began)).await;
         assert!(began.elapsed() < Duration::from_secs(30));
     }
 
     #[tokio::test]
     async fn a_folder_that_is_not_there_is_polled() {
-        let (hints, silent) = Hints::of(Path::new("/nowhere/at/all"), |_| true).await;
+        let (hints, silent) = Hints::of(Path::new("/nowhere/at/all"), None, |_| true).await;
         assert!(!hints.is_native());
         assert!(matches!(silent, Some(Silent::Refused(_))));
     }
