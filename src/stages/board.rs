@@ -73,13 +73,7 @@ impl Board {
     /// Work on a mesh begins.
     pub fn begins(&self, item: usize, path: &str) {
         let now = Instant::now();
-        let entry = Entry {
-            path: path.into(),
-            stage: "ingest".into(),
-            since: now,
-            began: now,
-            is_dropped: false,
-        };
+        let entry = Entry { path: path.into(), stage: "ingest".into(), since: now, began: now };
         self.entries().under_way.insert(item, entry);
     }
 
