@@ -257,8 +257,9 @@ impl House<'_> {
                 }
                 let is_first = self.silent.is_some();
                 let (changes, is_news) = self.scan().await?;
+                pause_until = Instant::now() + PAUSE * looked.elapsed();
                 if is_news && why == Look::Regular && !is_first {
-                    self.hints.renew();
+                    self.hints.missed_something();
                 }
                 context.board.expects(self.seen.len());
                 if let Some(silent) = self.silent.take() {
@@ -270,7 +271,6 @@ impl House<'_> {
                     is_idle = false;
                     self.take_note(change, &context, &mut desk, &mut begun);
                 }
-                pause_until = Instant::now() + PAUSE * looked.elapsed();
             }
             if desk.is_empty() && begun.is_empty() && self.settling.is_quiet() && !is_idle {
                 is_idle = true;

@@ -112,9 +112,13 @@ impl Hints {
         }
     }
 
-    /// Something has happened that no hint has told of: listens anew, since some folder is not listened to.
-    pub fn renew(&mut self) {
+    /// Something has happened that no hint has told of. Where none has come for a while it listens anew, since some folder is
+    /// not listened to.
+    pub fn missed_something(&mut self) {
         let Kind::Native { watcher, last } = &mut self.kind else { return };
+        if last.elapsed() < SOON / 2 {
+            return;
+        }
         *last = Instant::now();
         // Where it is not listened to, there is nothing to end.
         let _ = watcher.unwatch(&self.folder);
