@@ -413,13 +413,14 @@ fn results(out: &std::path::Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>
     let mut found = std::collections::BTreeMap::new();
     let mut folders = vec![out.to_owned()];
     while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap().flatten() {
+        // What goes away while it is read is not there.
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
             let path = entry.path();
             if path.is_dir() {
                 folders.push(path);
             } else if ["spectrum.json", "eigen.npz", "eigen.ply"].iter().any(|n| path.ends_with(n))
             {
-                let bytes = std::fs::read(&path).unwrap();
+                let Ok(bytes) = std::fs::read(&path) else { continue };
                 found.insert(path.strip_prefix(out).unwrap().to_owned(), bytes);
             }
         }
