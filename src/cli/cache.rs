@@ -222,6 +222,17 @@ pub fn open_or_do_without(dir: &Path) -> Result<Option<Store>, Refusal> {
     }
 }
 
+/// As [`open_or_do_without`], for results that are to come: models stay, and the rest keeps to the limit.
+pub fn open_to_fill(dir: &Path, limit: &CacheLimit) -> Result<Option<Store>, Refusal> {
+    let store = open_or_do_without(dir)?;
+    if let Some(store) = &store {
+        retention::keep_models(store)
+            .and_then(|()| store.limit(limit.size.as_u64()))
+            .map_err(refusal)?;
+    }
+    Ok(store)
+}
+
 fn open_or_copy(dir: &Path) -> Result<Store, StoreError> {
     Store::open(dir).or_else(|unwritable| {
         if !unwritable.is_unwritable() || !Store::exists(dir) {

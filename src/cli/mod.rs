@@ -140,6 +140,15 @@ impl Refusal {
     }
 }
 
+/// What carries orchestration, files and signals; the work itself has threads of its own.
+fn runtime() -> Result<tokio::runtime::Runtime, Refusal> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(Refusal::internal)
+}
+
 /// Prints to stdout. A reader that has gone away (`| head`) is no error.
 fn print(text: &str) -> Result<(), Refusal> {
     use std::io::{ErrorKind, Write};

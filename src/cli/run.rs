@@ -10,14 +10,14 @@ use tokio_util::sync::CancellationToken;
 use super::exit::Exit;
 use super::signals::stop_on_signals;
 use super::task::{Switch, Task, given_model};
-use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json};
+use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
 use crate::flow::events::EventFile;
 use crate::pipeline::Pipeline;
 use crate::publish::report::Status;
 use crate::publish::table::run_table;
+use crate::stages::intake;
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::weight::half_of_the_memory;
-use crate::stages::{intake, retention};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::HELP)]
@@ -87,12 +87,7 @@ fn start(
     jobs: Vec<intake::Job>,
     events: EventFile,
 ) -> Result<Exit, Refusal> {
-    let store = cache::open_or_do_without(&arguments.task.cache.dir)?;
-    if let Some(store) = &store {
-        retention::keep_models(store)
-            .and_then(|()| store.limit(arguments.limit.size.as_u64()))
-            .map_err(cache::refusal)?;
-    }
+    let store = cache::open_to_fill(&arguments.task.cache.dir, &arguments.limit)?;
     let model = given_model(&pipeline, store.as_ref())?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let cancel = CancellationToken::new();
@@ -112,11 +107,7 @@ fn start(
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
         events: Arc::new(events),
     };
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()
-        .map_err(Refusal::internal)?;
+    let runtime = runtime()?;
     let ended = runtime.block_on(async {
         tokio::spawn(stop_on_signals(cancel.clone()));
         run(request).await

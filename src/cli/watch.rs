@@ -11,12 +11,11 @@ use super::exit::Exit;
 use super::run::{exit_of, seconds};
 use super::signals::stop_on_signals;
 use super::task::{Switch, given_model};
-use super::{CacheLimit, CacheLocation, Format, Refusal, cache, print};
+use super::{CacheLimit, CacheLocation, Format, Refusal, cache, print, runtime};
 use crate::flow::events::EventFile;
 use crate::pipeline::Pipeline;
 use crate::publish::watched::Happened;
 use crate::stages::predict::GivenModel;
-use crate::stages::retention;
 use crate::stages::watched::{self, Source, Watch, WatchError, watch};
 use crate::stages::weight::half_of_the_memory;
 use crate::store::Store;
@@ -106,12 +105,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     std::fs::create_dir_all(&arguments.out).map_err(unwritable)?;
     let out = arguments.out.canonicalize().map_err(unwritable)?;
     let events = EventFile::append(&out.join("events.jsonl")).map_err(unwritable)?;
-    let store = cache::open_or_do_without(&arguments.cache.dir)?;
-    if let Some(store) = &store {
-        retention::keep_models(store)
-            .and_then(|()| store.limit(arguments.limit.size.as_u64()))
-            .map_err(cache::refusal)?;
-    }
+    let store = cache::open_to_fill(&arguments.cache.dir, &arguments.limit)?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let cancel = CancellationToken::new();
     let request = Watch {
@@ -129,11 +123,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     };
     let (file, set) = (arguments.pipeline.as_deref(), arguments.set.as_slice());
     let source = PipelineFile { file, set, store: store.as_ref() };
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()
-        .map_err(Refusal::internal)?;
+    let runtime = runtime()?;
     let ended = runtime.block_on(async {
         tokio::spawn(stop_on_signals(cancel.clone()));
         watch(request, &source, &|happened| tell(happened, arguments.format)).await
