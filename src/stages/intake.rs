@@ -111,7 +111,11 @@ pub fn search(root: &Path) -> Result<Vec<Job>, IntakeError> {
         .build();
     let mut jobs = Vec::new();
     for entry in walk {
-        let entry = entry.map_err(|error| IntakeError::of_walk(root, error))?;
+        let entry = match entry {
+            // What goes away during the walk is not there.
+            Err(error) if is_gone(&error) && root.is_dir() => continue,
+            entry => entry.map_err(|error| IntakeError::of_walk(root, error))?,
+        };
         if let Some(error) = entry.error() {
             tracing::warn!("{error}; what it was to leave out is not left out");
         }
@@ -132,6 +136,10 @@ impl IntakeError {
         let source = error.into_io_error().unwrap_or_else(|| io::Error::other(reason));
         Self::Unreadable { path, source }
     }
+}
+
+fn is_gone(error: &ignore::Error) -> bool {
+    error.io_error().is_some_and(|error| error.kind() == io::ErrorKind::NotFound)
 }
 
 /// Where a walk met an error.

@@ -104,6 +104,7 @@ pub async fn watch(
         seen: BTreeMap::new(),
         known: BTreeMap::new(),
         left: Vec::new(),
+        complaint: None,
         removes: false,
         ended: Ended::default(),
         tell,
@@ -125,9 +126,6 @@ pub enum WatchError {
     /// The system refuses threads.
     #[error("the system refuses worker threads: {0}")]
     Threads(#[from] io::Error),
-    /// The folder cannot be searched.
-    #[error(transparent)]
-    Intake(#[from] intake::IntakeError),
 }
 
 async fn listen(watch: &Watch, pipeline: Option<&Path>) -> (Hints, Option<Silent>) {
@@ -207,6 +205,8 @@ struct House<'t> {
     seen: BTreeMap<PathBuf, Stamp>,
     known: BTreeMap<String, Known>,
     left: Vec<Left>,
+    /// Why the folder could not be searched, which is told once.
+    complaint: Option<String>,
     /// Results of meshes that are gone go too.
     removes: bool,
     ended: Ended,
@@ -331,15 +331,25 @@ impl House<'_> {
     }
 
     /// What the files of the folder have become, and whether anything is not as it was at the last look.
-    async fn scan(&mut self) -> Result<(Vec<Change>, bool), WatchError> {
-        let (folder, before) = (self.watch.folder.clone(), std::mem::take(&mut self.seen));
-        let scanned = tokio::task::spawn_blocking(move || {
-            let seen = scan(&folder, &before)?;
-            let is_news = seen != before;
-            Ok((seen, is_news))
-        });
-        let scanned: Result<_, intake::IntakeError> = scanned.await.map_err(io::Error::other)?;
-        let (seen, is_news) = scanned?;
+    async fn scan(&mut self) -> io::Result<(Vec<Change>, bool)> {
+        let (folder, before) = (self.watch.folder.clone(), self.seen.clone());
+        let scanned = tokio::task::spawn_blocking(move || scan(&folder, &before)).await;
+        let seen = match scanned.map_err(io::Error::other)? {
+            Ok(seen) => {
+                self.complaint = None;
+                seen
+            }
+            Err(error) => {
+                // A folder that cannot be read, or is gone, may be back soon: nothing has changed until it can be.
+                let complaint = error.to_string();
+                if self.complaint.as_ref() != Some(&complaint) {
+                    tracing::warn!("{complaint}; it is looked at again");
+                    self.complaint = Some(complaint);
+                }
+                return Ok((Vec::new(), false));
+            }
+        };
+        let is_news = seen != self.seen;
         self.seen.clone_from(&seen);
         Ok((self.settling.look(Instant::now(), seen), is_news))
     }
