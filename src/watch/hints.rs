@@ -144,7 +144,7 @@ impl Hints {
                 [] => vec![PathBuf::new()],
                 paths => paths.to_vec(),
             });
-            if events.iter().any(|event| event.paths.iter().any(|path| *path == awaited)) {
+            if events.iter().any(|event| event.paths.contains(&awaited)) {
                 seen.notify_one();
             }
             if paths.any(|path| path != awaited && (path.as_os_str().is_empty() || counts(&path))) {
