@@ -7,6 +7,7 @@
 //! a change too. A mesh that is saved again while it is worked on ends at the next opportunity; blocks that were trained
 //! by then are what its new version begins with ([`super::lineage`]).
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::num::NonZeroUsize;
@@ -108,6 +109,7 @@ pub async fn watch(
         removes: false,
         ended: Ended::default(),
         tell,
+        has_spoken: Cell::new(false),
     };
     loop {
         match house.keep_current(pipeline, model, source).await? {
@@ -211,6 +213,8 @@ struct House<'t> {
     removes: bool,
     ended: Ended,
     tell: &'t dyn Fn(&Happened),
+    /// Something was said since everything was current.
+    has_spoken: Cell<bool>,
 }
 
 impl House<'_> {
@@ -265,7 +269,7 @@ impl House<'_> {
                 if let Some(silent) = self.silent.take() {
                     let folder = self.watch.folder.display().to_string();
                     let polled = silent.map(|silent| silent.to_string());
-                    (self.tell)(&Happened::Watching { folder, meshes: self.seen.len(), polled });
+                    self.say(&Happened::Watching { folder, meshes: self.seen.len(), polled });
                 }
                 for change in changes {
                     is_idle = false;
@@ -367,11 +371,11 @@ impl House<'_> {
         }
         match source.read() {
             Ok((pipeline, model)) => {
-                (self.tell)(&Happened::Pipeline { error: None });
+                self.say(&Happened::Pipeline { error: None });
                 Some(Next::Pipeline(Box::new(pipeline), model))
             }
             Err(error) => {
-                (self.tell)(&Happened::Pipeline { error: Some(error) });
+                self.say(&Happened::Pipeline { error: Some(error) });
                 None
             }
         }
@@ -392,7 +396,7 @@ impl House<'_> {
                 // Tried again, it is not saved again.
                 let is_retry = self.known.get(&name).filter(same).is_some();
                 if !is_retry {
-                    (self.tell)(&Happened::Saved { path: name.clone() });
+                    self.say(&Happened::Saved { path: name.clone() });
                     self.give_up(&name, context, begun);
                     let hash = self.known.get(&name).and_then(|known| known.hash);
                     let known =
@@ -414,7 +418,7 @@ impl House<'_> {
                 if self.removes {
                     self.remove_results(&name);
                 }
-                (self.tell)(&Happened::Deleted { path: name, results_kept: !self.removes });
+                self.say(&Happened::Deleted { path: name, results_kept: !self.removes });
             }
         }
     }
@@ -425,7 +429,7 @@ impl House<'_> {
             if begun.is_wanted && begun.waiting.job.name == name {
                 begun.is_wanted = false;
                 context.board.drops(item);
-                (self.tell)(&Happened::Superseded { path: name.into() });
+                self.say(&Happened::Superseded { path: name.into() });
             }
         }
     }
@@ -494,7 +498,7 @@ impl House<'_> {
         if let Some(from) = moved.filter(|from| *from != job.name && !self.known.contains_key(from))
         {
             self.remove_results(&from);
-            (self.tell)(&Happened::Moved { from, path: job.name.clone() });
+            self.say(&Happened::Moved { from, path: job.name.clone() });
         }
         // A file that says that it was written long ago was not saved just now.
         let saved =
@@ -503,7 +507,7 @@ impl House<'_> {
             Some(since) if since < LONG_AGO => since.as_secs_f64(),
             _ => report.seconds,
         };
-        (self.tell)(&Happened::done(report, seconds));
+        self.say(&Happened::done(report, seconds));
     }
 
     fn failed(&mut self, job: &Job, report: MeshReport, again: bool) {
@@ -513,11 +517,20 @@ impl House<'_> {
         // Once: it may be tried a hundred times.
         if known.complaint.as_ref() != Some(&reason) {
             known.complaint = Some(reason.clone());
-            (self.tell)(&Happened::Failed { path: job.name.clone(), reason, again });
+            self.say(&Happened::Failed { path: job.name.clone(), reason, again });
         }
     }
 
+    fn say(&self, happened: &Happened) {
+        self.has_spoken.set(true);
+        (self.tell)(happened);
+    }
+
+    /// Once, until something else was said: a file that cannot be read is tried again and again.
     fn tell_idle(&self) {
+        if !self.has_spoken.replace(false) {
+            return;
+        }
         let with = |status| self.ended.meshes.values().filter(|&&ended| ended == status).count();
         (self.tell)(&Happened::Idle {
             meshes: self.known.len(),
