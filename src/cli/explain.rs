@@ -47,7 +47,7 @@ pub fn show(
     let dir = &task.cache.dir;
     let store = if Store::exists(dir) { cache::open_or_do_without(dir)? } else { None };
     let model = given_model(&pipeline, store.as_ref())?;
-    let (out, lineage) = (task.out.clone(), task.lineage == Switch::On);
+    let (out, lineage) = (task.out.clone(), task.laid.lineage == Switch::On);
     let plan = plan(Request { pipeline, model, jobs, out, store, lineage });
     match format {
         Format::Json => print_json(&plan)?,

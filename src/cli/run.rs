@@ -102,7 +102,7 @@ fn start(
         on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
         cancel: cancel.clone(),
         retries: arguments.retries,
-        lineage: arguments.task.lineage == Switch::On,
+        lineage: arguments.task.laid.lineage == Switch::On,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
         events: Arc::new(events),

@@ -23,6 +23,13 @@ pub struct Task {
     pub out: PathBuf,
     #[command(flatten)]
     pub cache: CacheLocation,
+    #[command(flatten)]
+    pub laid: Laid,
+}
+
+/// What is laid over a pipeline, and over how it is done.
+#[derive(Debug, clap::Args)]
+pub struct Laid {
     /// Lay an option over the pipeline's, for example train.k=10
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
@@ -50,7 +57,7 @@ impl Task {
     /// # Errors
     /// What the user has to mend in either.
     pub fn read(&self) -> Result<(Pipeline, Vec<Job>), Refusal> {
-        let pipeline = Pipeline::load(&self.pipeline, &self.set).map_err(Refusal::usage)?;
+        let pipeline = Pipeline::load(&self.pipeline, &self.laid.set).map_err(Refusal::usage)?;
         let inputs = if self.input.is_empty() { &pipeline.input.paths } else { &self.input };
         let jobs = intake::jobs(inputs).map_err(Refusal::usage)?;
         Ok((pipeline, jobs))

@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 use super::exit::Exit;
 use super::run::{exit_of, seconds};
 use super::signals::stop_on_signals;
-use super::task::{Switch, given_model};
+use super::task::{Laid, Switch, given_model};
 use super::{CacheLimit, CacheLocation, Format, Refusal, cache, print, runtime};
 use crate::flow::events::EventFile;
 use crate::pipeline::Pipeline;
@@ -35,21 +35,11 @@ pub struct Arguments {
     cache: CacheLocation,
     #[command(flatten)]
     limit: CacheLimit,
-    /// Lay an option over the pipeline's, for example train.k=10
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    laid: Laid,
     /// Worker threads, and meshes under way at once [default: one a core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
-    /// Whether a mesh that has changed begins with the blocks of its previous version; `off`: as if there had been none
-    #[arg(
-        long,
-        value_enum,
-        default_value = "on",
-        value_name = "on|off",
-        hide_possible_values = true
-    )]
-    lineage: Switch,
     /// Do what there is to do, and end
     #[arg(long)]
     once: bool,
@@ -114,14 +104,14 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
         store: store.clone(),
         workers: arguments.jobs.unwrap_or_else(cores),
         memory: half_of_the_memory(),
-        lineage: arguments.lineage == Switch::On,
+        lineage: arguments.laid.lineage == Switch::On,
         poll: arguments.poll.map(Duration::from_secs_f64),
         once: arguments.once,
         cancel: cancel.clone(),
         events: Arc::new(events),
         checkpoint_every: CHECKPOINT,
     };
-    let (file, set) = (arguments.pipeline.as_deref(), arguments.set.as_slice());
+    let (file, set) = (arguments.pipeline.as_deref(), arguments.laid.set.as_slice());
     let source = PipelineFile { file, set, store: store.as_ref() };
     let runtime = runtime()?;
     let ended = runtime.block_on(async {

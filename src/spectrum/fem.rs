@@ -47,8 +47,7 @@ const RATE: f64 = 1.2;
 /// before. A look costs as much as a step or two.
 const FIRST_LOOK: usize = 92;
 
-/// From a good start, so many columns for every pair and this many more.
-const NEAR_PER_PAIR: usize = 3;
+/// From a good start, this many.
 const FIRST_LOOK_NEAR: usize = 52;
 
 /// Searches for eigenvalues that an earlier one missed.
@@ -208,7 +207,7 @@ impl<'a> Search<'a> {
         let (mut krylov, mut look_at) = match (&self.start, goal) {
             (Some(start), Goal::First) => (
                 Krylov::from_start(factor, self.pencil.mass, known, start.clone(), attempt),
-                NEAR_PER_PAIR * wanted + FIRST_LOOK_NEAR,
+                3 * wanted + FIRST_LOOK_NEAR,
             ),
             _ => (Krylov::new(factor, self.pencil.mass, known, attempt), 3 * wanted + FIRST_LOOK),
         };

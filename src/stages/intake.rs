@@ -121,12 +121,16 @@ pub fn search(root: &Path) -> Result<Vec<Job>, IntakeError> {
         }
         let path = entry.into_path();
         if is_mesh(&path) && path.is_file() {
-            let parts = path.strip_prefix(root).unwrap_or(&path).components();
-            let name: Vec<_> = parts.map(|c| c.as_os_str().to_string_lossy()).collect();
-            jobs.push(Job { name: name.join("/"), source: path });
+            jobs.push(Job { name: name_of(root, &path), source: path });
         }
     }
     Ok(jobs)
+}
+
+/// The name of a mesh that was found below `root`.
+pub fn name_of(root: &Path, path: &Path) -> String {
+    let parts = path.strip_prefix(root).unwrap_or(path).components();
+    parts.map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
 impl IntakeError {

@@ -7,6 +7,7 @@
 //! - a content that is new at a path begins with the model of the content that was there last;
 //! - without lineage nothing of this is looked at, and all of it is written: later runs can begin with what was trained.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use rkyv::{Archive, Deserialize, Serialize};
@@ -125,13 +126,11 @@ pub fn note<V: Artifact + PartialEq>(
     }
 }
 
-/// Whether a model is to stay whatever room there is: not when it is one that some path has gone on from, and no path is at
-/// any more.
+/// Tells of a model whether every path has gone on from it: then it need not stay.
 ///
 /// # Errors
 /// When the database cannot be read.
 pub fn superseded(store: &Store) -> Result<impl Fn(&str) -> bool, StoreError> {
-    use std::collections::HashSet;
     let models = |keys: Vec<CacheKey>| -> HashSet<String> {
         let versions = keys.iter().filter_map(|key| store.get::<VersionArtifact>(key));
         versions.map(|version| version.artifact.model).collect()

@@ -247,7 +247,7 @@ impl House<'_> {
             })
         };
         drop(entrance);
-        let (mut next_item, mut is_idle) = (0, false);
+        let mut next_item = 0;
         // Every look is followed by a pause, whatever hints come meanwhile.
         let (mut looked, mut pause_until) = (Instant::now(), Instant::now());
         let mut look = Some(Look::Regular);
@@ -272,12 +272,10 @@ impl House<'_> {
                     self.say(&Happened::Watching { folder, meshes: self.seen.len(), polled });
                 }
                 for change in changes {
-                    is_idle = false;
                     self.take_note(change, &context, &mut desk, &mut begun);
                 }
             }
-            if desk.is_empty() && begun.is_empty() && self.settling.is_quiet() && !is_idle {
-                is_idle = true;
+            if desk.is_empty() && begun.is_empty() && self.settling.is_quiet() {
                 self.tell_idle();
                 if self.watch.once {
                     break Next::End;
@@ -390,7 +388,7 @@ impl House<'_> {
     ) {
         match change {
             Change::Ready(source, stamp) => {
-                let name = name_of(&self.watch.folder, &source);
+                let name = intake::name_of(&self.watch.folder, &source);
                 let job = Job { source, name: name.clone() };
                 let same = |known: &&Known| known.stamp == stamp;
                 // Tried again, it is not saved again.
@@ -406,7 +404,7 @@ impl House<'_> {
                 desk.put(job, stamp);
             }
             Change::Gone(source) => {
-                let name = name_of(&self.watch.folder, &source);
+                let name = intake::name_of(&self.watch.folder, &source);
                 self.give_up(&name, context, begun);
                 desk.drop(&name);
                 context.board.forgets(&name);
@@ -566,9 +564,4 @@ fn scan(
         Some((job.source, stamp))
     };
     Ok(intake::search(folder)?.into_iter().filter_map(look).collect())
-}
-
-fn name_of(folder: &Path, source: &Path) -> String {
-    let parts = source.strip_prefix(folder).unwrap_or(source).components();
-    parts.map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }
