@@ -11,7 +11,7 @@ use super::train::Moments;
 /// A training between two steps.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Checkpoint {
-    /// Steps that are done; for recipe `paper`, epochs.
+    /// Steps that are done: batches, by either recipe.
     pub step: usize,
     /// Every parameter, row-major.
     pub parameters: Vec<Vec<f32>>,
@@ -19,8 +19,10 @@ pub struct Checkpoint {
     pub moments: [Vec<Vec<f32>>; 2],
     /// How often Adam has changed them.
     pub updates: u32,
-    /// The Rayleigh quotients of the steps.
+    /// The Rayleigh quotients of the steps; for recipe `paper`, of the epochs.
     pub history: Vec<f64>,
+    /// By recipe `paper`, the sums of the terms over the batches of the epoch that is under way.
+    pub under_way: Vec<f64>,
     /// What was found on members that are held out.
     pub checks: Vec<Check>,
     /// The blocks of the best of these checks; none without checks.
@@ -46,11 +48,12 @@ impl Checkpoint {
         }
     }
 
-    /// Puts back parameters and moments. Whether that was possible: not where it is of a network of other sizes, or beyond
-    /// the last of `steps`.
+    /// Puts back parameters and moments. Whether that was possible: not where it is of a network of other sizes, beyond the last
+    /// of `steps`, or without the `quotients` of its steps.
     pub(super) fn restore(
         &self,
         steps: usize,
+        quotients: usize,
         parameters: Vec<&mut Matrix<f32>>,
         adam: &mut Moments,
     ) -> bool {
@@ -58,7 +61,7 @@ impl Checkpoint {
         let expected: Vec<usize> = parameters.iter().map(|p| p.shape().0 * p.shape().1).collect();
         let [first, second] = &self.moments;
         let fits = [&self.parameters, first, second].iter().all(|all| sizes(all) == expected);
-        if !fits || self.step > steps || self.history.len() != self.step {
+        if !fits || self.step > steps || self.history.len() != quotients {
             return false;
         }
         for (parameter, values) in parameters.into_iter().zip(&self.parameters) {
@@ -85,25 +88,24 @@ mod tests {
     use crate::remesh::{Family, FamilyRecipe};
     use crate::spectrum::Dense;
 
-    /// Stops a training after so many steps, and goes on from what it left.
+    /// Stops a training after so many batches, and goes on from what it left.
     struct Stopping {
         after: usize,
-        steps: RefCell<usize>,
+        asked: RefCell<usize>,
         kept: RefCell<Option<Checkpoint>>,
     }
 
     impl Observer for Stopping {
-        fn step(&self, step: usize, _: usize, _: f64) {
-            self.steps.replace(step);
-        }
+        fn step(&self, _: usize, _: usize, _: f64) {}
         fn cancelled(&self) -> bool {
-            *self.steps.borrow() == self.after
+            // Before every batch.
+            self.asked.replace_with(|asked| *asked + 1) == self.after
         }
         fn kept(&self) -> Option<Checkpoint> {
             self.kept.borrow().clone()
         }
         fn wants_checkpoint(&self) -> bool {
-            *self.steps.borrow() == self.after - 1
+            *self.asked.borrow() == self.after
         }
         fn keep(&self, checkpoint: Checkpoint) {
             self.kept.replace(Some(checkpoint));
@@ -112,7 +114,7 @@ mod tests {
 
     impl Stopping {
         fn after(after: usize) -> Self {
-            Self { after, steps: RefCell::default(), kept: RefCell::default() }
+            Self { after, asked: RefCell::default(), kept: RefCell::default() }
         }
     }
 
@@ -169,11 +171,14 @@ mod tests {
         let samples: Vec<_> = samples.map(|(m, e)| paper::Sample::new(m, vec![], e)).collect();
         let recipe = Paper { shape: SHAPE, epochs: 9, batch: 2, ..Paper::default() };
         let expected = train_block(&samples, &recipe, 7, &Silent).unwrap();
-        let observer = Stopping::after(5);
-        assert_eq!(train_block(&samples, &recipe, 7, &observer), Err(TrainError::Cancelled));
-        assert_eq!(observer.kept().unwrap().step, 4);
-        let observer = Stopping { kept: observer.kept().into(), ..Stopping::after(1000) };
-        assert!(train_block(&samples, &recipe, 7, &observer).unwrap() == expected);
+        // Three batches an epoch: after its last one, its first, its second.
+        for after in [15, 16, 23] {
+            let observer = Stopping::after(after);
+            assert_eq!(train_block(&samples, &recipe, 7, &observer), Err(TrainError::Cancelled));
+            assert_eq!(observer.kept().unwrap().step, after);
+            let observer = Stopping { kept: observer.kept().into(), ..Stopping::after(1000) };
+            assert!(train_block(&samples, &recipe, 7, &observer).unwrap() == expected, "{after}");
+        }
     }
 
     #[test]

@@ -118,7 +118,12 @@ pub fn train_blocks_from(
         let mut history = Vec::with_capacity(recipe.steps);
         let mut first = 0;
         if let Some(kept) = observer.kept()
-            && kept.restore(recipe.steps, trunk.parameters_mut().iter_mut().collect(), &mut adam)
+            && kept.restore(
+                recipe.steps,
+                kept.step,
+                trunk.parameters_mut().iter_mut().collect(),
+                &mut adam,
+            )
         {
             first = kept.step;
             (0..first).for_each(|_| drop(batches.next()));

@@ -35,7 +35,7 @@ artifact!(SurfaceArtifact, "surface", version 1, schema 1);
 artifact!(OperatorsArtifact, "assemble", version 1, schema 3);
 artifact!(TuneArtifact, "tune", version 1, schema 1);
 artifact!(TrunkArtifact, "train", version 3, schema 4);
-artifact!(CheckpointArtifact, "checkpoint", version 1, schema 1);
+artifact!(CheckpointArtifact, "checkpoint", version 2, schema 2);
 artifact!(PredictionArtifact, "predict", version 1, schema 1);
 artifact!(ReferenceArtifact, "reference", version 2, schema 2);
 artifact!(SecondOpinionArtifact, "second-opinion", version 1, schema 1);
@@ -292,6 +292,7 @@ pub struct CheckpointArtifact {
     moments: [Vec<Vec<f32>>; 2],
     updates: u32,
     history: Vec<f64>,
+    under_way: Vec<f64>,
     /// step, loss
     held_out: Vec<(u32, f64)>,
     best: Option<TrunkArtifact>,
@@ -299,13 +300,15 @@ pub struct CheckpointArtifact {
 
 impl From<Checkpoint> for CheckpointArtifact {
     fn from(checkpoint: Checkpoint) -> Self {
-        let Checkpoint { step, parameters, moments, updates, history, checks, best } = checkpoint;
+        let Checkpoint { step, parameters, moments, updates, history, under_way, checks, best } =
+            checkpoint;
         Self {
             step: step as u32,
             parameters,
             moments,
             updates,
             history,
+            under_way,
             held_out: numbers_of(&checks),
             best: (!best.is_empty()).then(|| TrunkArtifact::of(&best)),
         }
@@ -314,14 +317,23 @@ impl From<Checkpoint> for CheckpointArtifact {
 
 impl From<CheckpointArtifact> for Checkpoint {
     fn from(artifact: CheckpointArtifact) -> Self {
-        let CheckpointArtifact { step, parameters, moments, updates, history, held_out, best } =
-            artifact;
+        let CheckpointArtifact {
+            step,
+            parameters,
+            moments,
+            updates,
+            history,
+            under_way,
+            held_out,
+            best,
+        } = artifact;
         Self {
             step: step as usize,
             parameters,
             moments,
             updates,
             history,
+            under_way,
             checks: checks_of(held_out),
             best: best.map(TrunkArtifact::into_blocks).unwrap_or_default(),
         }

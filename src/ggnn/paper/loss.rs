@@ -109,6 +109,18 @@ impl Terms {
         }
     }
 
+    /// In the order of the fields.
+    pub fn entries(self) -> [f64; 4] {
+        let Self { boundary, residual, orthogonality, quotient } = self;
+        [boundary, residual, orthogonality, quotient]
+    }
+
+    /// What [`entries`](Self::entries) gave; `None` for any other number of them.
+    pub fn from_entries(entries: &[f64]) -> Option<Self> {
+        let &[boundary, residual, orthogonality, quotient] = entries else { return None };
+        Some(Self { boundary, residual, orthogonality, quotient })
+    }
+
     /// (23).
     pub fn weighted(self, weights: Weights) -> f64 {
         weights.boundary * self.boundary

@@ -41,30 +41,40 @@ pub fn train_block(
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(1);
     let mut history = Vec::with_capacity(recipe.epochs);
-    let mut first = 0;
+    let batch = recipe.batch.max(1);
+    let batches = samples.len().div_ceil(batch).max(1);
+    let (mut first, mut sum) = (0, Terms::default());
     if let Some(kept) = observer.kept()
-        && kept.restore(recipe.epochs, network.parameters_mut().collect(), &mut adam)
+        && let Some(terms) = Terms::from_entries(&kept.under_way)
+        && kept.restore(
+            recipe.epochs * batches,
+            kept.step / batches,
+            network.parameters_mut().collect(),
+            &mut adam,
+        )
     {
-        first = kept.step;
-        (0..first).for_each(|_| order.shuffle(&mut rng));
+        (first, sum) = (kept.step, terms);
+        (0..first / batches).for_each(|_| order.shuffle(&mut rng));
         history.extend(kept.history);
     }
-    for epoch in first..recipe.epochs {
-        if epoch > first && observer.wants_checkpoint() {
-            observer.keep(Checkpoint::of(epoch, network.parameters(), &adam, &history));
-        }
+    for epoch in first / batches..recipe.epochs {
         let (rate, weights) = (recipe.learning_rate_in(epoch), recipe.weights_in(epoch));
         order.shuffle(&mut rng);
-        let mut sum = Terms::default();
-        for batch in order.chunks(recipe.batch.max(1)) {
-            if observer.cancelled() {
+        let steps = epoch * batches..;
+        for (step, batch) in steps.zip(order.chunks(batch)).skip_while(|&(step, _)| step < first) {
+            let stops = observer.cancelled();
+            if step > first && (stops || observer.wants_checkpoint()) {
+                let state = Checkpoint::of(step, network.parameters(), &adam, &history);
+                observer.keep(Checkpoint { under_way: sum.entries().into(), ..state });
+            }
+            if stops {
                 return Err(TrainError::Cancelled);
             }
             let (terms, gradients) = batch_gradients(&network, samples, batch, weights, recipe);
             adam.update(network.parameters_mut(), gradients, rate);
             sum = sum.plus(terms);
         }
-        let mean = sum.times(1.0 / samples.len().max(1) as f64);
+        let mean = std::mem::take(&mut sum).times(1.0 / samples.len().max(1) as f64);
         if !mean.weighted(weights).is_finite() {
             return Err(TrainError::Degenerate { step: epoch });
         }
