@@ -103,7 +103,7 @@ fn two_runs_on_one_cache_do_not_meet() {
 fn exit_2_for_the_cache_of_a_newer_chladni_which_is_left_as_it_is() {
     let workspace = Workspace::new(QUICK);
     workspace.report(&[]);
-    workspace.write("cache/chladni.format", "chladni store 2\nof a later day\n");
+    workspace.write("cache/chladni.format", "chladni store 3\nof a later day\n");
     let files = || {
         let items = std::fs::read_dir(workspace.path("cache/chladni.sled")).unwrap();
         let mut files: Vec<_> =
@@ -116,7 +116,7 @@ fn exit_2_for_the_cache_of_a_newer_chladni_which_is_left_as_it_is() {
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
     assert!(
         text(&output)
-            .contains("has format 2, and this chladni knows formats up to 1; update chladni")
+            .contains("has format 3, and this chladni knows formats up to 2; update chladni")
     );
     let cache = workspace.path("cache");
     for command in ["stat", "verify", "gc"] {

@@ -11,7 +11,7 @@ use std::{fs, str};
 use super::{StoreError, files};
 
 /// The format that this code reads and writes.
-pub(super) const FORMAT: u32 = 1;
+pub(super) const FORMAT: u32 = 2;
 
 /// The marker file within a cache directory.
 const FILE: &str = "chladni.format";
@@ -84,8 +84,8 @@ mod tests {
         assert_eq!(with("").unwrap(), Marker::Unreadable);
         assert_eq!(with("chladni store one").unwrap(), Marker::Unreadable);
         assert!(matches!(
-            with("chladni store 2\nand more\n"),
-            Err(StoreError::NewerFormat { found: 2, known: 1, .. })
+            with("chladni store 3\nand more\n"),
+            Err(StoreError::NewerFormat { found: 3, known: 2, .. })
         ));
     }
 }

@@ -15,13 +15,13 @@
 //! # On disk
 //! ```text
 //! chladni.lock            the process that holds the directory (flock) and its number
-//! chladni.format          "chladni store 1": the version of all that follows
+//! chladni.format          "chladni store 2": the version of all that follows
 //! chladni.suspect         left by a run that met damage inside the database; the next one sets it aside
 //! chladni.entries         how many entries there were when the database was closed; gone while it is open
 //! chladni.generation      which database counts: the first one, or a later copy
 //! chladni.sled[-N]/       the database, three trees:
 //!   manifests             key                  → what the entry is, its length and digest; checksum
-//!   chunks                key, index (u32 BE)  → digest; up to 6 KiB of the entry's bytes
+//!   chunks                key, index (u32 BE)  → digest; up to 2 KiB of the entry's bytes
 //!   quarantined           key                  → when and why an entry was dropped
 //! quarantine-<unix time>/ a database that did not open; nothing reads it, delete it at will
 //! ```

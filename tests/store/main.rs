@@ -150,10 +150,10 @@ fn contents(dir: &Path) -> HashMap<PathBuf, Vec<u8>> {
 fn a_newer_format_is_refused_and_left_as_it_is() {
     let dir = TempDir::new().unwrap();
     open(dir.path()).put(&key(0), &sample(10, 0), COST).unwrap();
-    fs::write(dir.path().join("chladni.format"), "chladni store 2\n").unwrap();
+    fs::write(dir.path().join("chladni.format"), "chladni store 3\n").unwrap();
     let before = contents(dir.path());
     let error = Store::open(dir.path()).unwrap_err();
-    assert!(matches!(error, StoreError::NewerFormat { found: 2, known: 1, .. }));
+    assert!(matches!(error, StoreError::NewerFormat { found: 3, known: 2, .. }));
     assert!(error.to_string().contains("update chladni"));
     assert_eq!(contents(dir.path()), before);
 }
