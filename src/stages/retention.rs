@@ -38,6 +38,6 @@ pub fn kinds() -> Vec<Kind> {
 /// When the database cannot be read.
 pub fn keep_models(store: &Store) -> Result<(), StoreError> {
     let superseded = lineage::superseded(store)?;
-    store.pin(models::keys(store, |name| !superseded(name))?);
+    store.pin_only(models::keys(store, |name| !superseded(name))?);
     Ok(())
 }

@@ -220,6 +220,11 @@ impl Blobs {
         unpoisoned(&self.pinned).extend(keys);
     }
 
+    /// Keeps these keys, and no longer those that were kept before.
+    pub fn pin_only(&self, keys: impl IntoIterator<Item = CacheKey>) {
+        *unpoisoned(&self.pinned) = keys.into_iter().collect();
+    }
+
     /// The keys that stay whatever the limit.
     pub fn pinned(&self) -> HashSet<CacheKey> {
         unpoisoned(&self.pinned).clone()

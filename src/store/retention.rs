@@ -96,6 +96,11 @@ impl Store {
         self.blobs().pin(keys);
     }
 
+    /// Keeps these entries whatever the limit, and no longer those that were kept before.
+    pub fn pin_only(&self, keys: impl IntoIterator<Item = CacheKey>) {
+        self.blobs().pin_only(keys);
+    }
+
     /// From now on the entries take at most `bytes` in all: what is too much is evicted now and after every write.
     ///
     /// # Errors
