@@ -25,6 +25,7 @@ use std::process::ExitCode;
 
 use bytesize::ByteSize;
 use clap::{Parser, Subcommand, ValueEnum};
+use tracing_indicatif::suspend_tracing_indicatif;
 
 use exit::Exit;
 
@@ -149,11 +150,14 @@ fn runtime() -> Result<tokio::runtime::Runtime, Refusal> {
         .map_err(Refusal::internal)
 }
 
-/// Prints to stdout. A reader that has gone away (`| head`) is no error.
+/// Prints to stdout, above any bars. A reader that has gone away (`| head`) is no error.
 fn print(text: &str) -> Result<(), Refusal> {
     use std::io::{ErrorKind, Write};
-    let mut out = std::io::stdout().lock();
-    match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
+    let printed = suspend_tracing_indicatif(|| {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush())
+    });
+    match printed {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Refusal::Internal(format!("the result could not be printed: {error}")))
         }

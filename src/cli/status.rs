@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::exit::Exit;
 use super::{Format, Refusal, print, print_json};
-use crate::publish::status::{RunState, RunStatus, read};
+use crate::publish::status::{RunState, RunStatus, duration, read};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -34,48 +34,29 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
 }
 
 fn text(status: &RunStatus) -> String {
-    let RunStatus { meshes, verified, unverified, failed, waiting, under_way, .. } = status;
-    let done = verified + unverified + failed;
-    let state = match status.state {
-        RunState::Running => format!("running (process {})", status.process),
-        RunState::Finished => "finished".into(),
-        RunState::Interrupted => {
+    let RunStatus { waiting, under_way, .. } = status;
+    let state = match (status.state, &status.watches) {
+        (RunState::Running, Some(folder)) => {
+            format!("watching {folder} (process {})", status.process)
+        }
+        (RunState::Running, None) => format!("running (process {})", status.process),
+        (RunState::Finished, _) => "finished".into(),
+        (RunState::Interrupted, _) => {
             "interrupted; the same command goes on with what is missing".into()
         }
-        RunState::Killed => "killed; the same command goes on with what is missing".into(),
+        (RunState::Killed, _) => "killed; the same command goes on with what is missing".into(),
     };
     let spent = duration(status.updated.saturating_sub(status.started) as f64);
     let mut text = format!(
-        "{state}, {spent}\n\n{done} of {meshes} meshes done: {verified} verified, {unverified} not verified, {failed} failed; \
-         {} under way, {waiting} waiting\n",
+        "{state}, {spent}\n\n{}; {} under way, {waiting} waiting\n",
+        status.summary(),
         under_way.len()
     );
-    if let (RunState::Running, Some(left)) = (status.state, status.seconds_left) {
-        let _ = writeln!(text, "{:.0} an hour, about {} left", status.per_hour, duration(left));
+    if let Some(rate) = status.rate() {
+        let _ = writeln!(text, "{rate}");
     }
     for mesh in under_way {
         let _ = writeln!(text, "  {}: {}, {}", mesh.path, mesh.stage, duration(mesh.seconds));
     }
     text
-}
-
-/// 75 s as "1 min 15 s".
-fn duration(seconds: f64) -> String {
-    let whole = seconds.max(0.0).round() as u64;
-    match (whole / 3600, whole / 60 % 60, whole % 60) {
-        (0, 0, seconds) => format!("{seconds} s"),
-        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
-        (hours, minutes, _) => format!("{hours} h {minutes} min"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn durations_are_read_at_a_glance() {
-        let texts = [0.2, 59.0, 75.0, 3600.0, 93_784.0].map(duration);
-        assert_eq!(texts, ["0 s", "59 s", "1 min 15 s", "1 h 0 min", "26 h 3 min"]);
-    }
 }

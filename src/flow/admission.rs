@@ -27,6 +27,23 @@ pub struct Admitted {
     _weight: OwnedSemaphorePermit,
 }
 
+/// A place for one item, which is chosen only now.
+#[derive(Debug)]
+pub struct Place {
+    place: OwnedSemaphorePermit,
+    admission: Admission,
+}
+
+impl Place {
+    /// Waits until an item of this `weight` may be under way.
+    pub async fn weighing(self, weight: u64) -> Admitted {
+        let Admission { weights, unit, all, .. } = &self.admission;
+        let permits = weight.div_ceil(*unit).min(u64::from(*all)) as u32;
+        let weight = weights.clone().acquire_many_owned(permits).await.expect(CLOSED);
+        Admitted { _place: self.place, _weight: weight }
+    }
+}
+
 const CLOSED: &str = "nobody closes these semaphores";
 
 /// The parts into which a budget is divided.
@@ -45,12 +62,16 @@ impl Admission {
         }
     }
 
-    /// Waits until there is a place, and then until an item of this `weight` may be under way.
-    pub async fn admit(&self, weight: u64) -> Admitted {
-        let permits = weight.div_ceil(self.unit).min(u64::from(self.all)) as u32;
+    /// Waits until there is a place.
+    pub async fn place(&self) -> Place {
         let place = self.places.clone().acquire_owned().await.expect(CLOSED);
-        let weight = self.weights.clone().acquire_many_owned(permits).await.expect(CLOSED);
-        Admitted { _place: place, _weight: weight }
+        Place { place, admission: self.clone() }
+    }
+
+    /// Waits until there is a place, and then until an item of this `weight` may be under way.
+    #[cfg(test)]
+    pub async fn admit(&self, weight: u64) -> Admitted {
+        self.place().await.weighing(weight).await
     }
 }
 

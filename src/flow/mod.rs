@@ -19,7 +19,7 @@ pub mod events;
 pub mod stage;
 pub mod workers;
 
-pub use admission::{Admission, Admitted};
+pub use admission::{Admission, Admitted, Place};
 pub use events::{Event, EventSink};
 pub use stage::{Outcome, Parcel, Stage};
 pub use workers::{Panicked, Workers};

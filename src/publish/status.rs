@@ -37,6 +37,9 @@ pub struct RunStatus {
     pub started: u64,
     /// When this was written, in seconds since 1970.
     pub updated: u64,
+    /// The folder that it keeps current; absent for a run over a list.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watches: Option<String>,
     /// All meshes.
     pub meshes: usize,
     /// Those whose eigenpairs passed.
@@ -54,6 +57,41 @@ pub struct RunStatus {
     pub per_hour: f64,
     /// What is left at this rate; unknown before the first mesh is done.
     pub seconds_left: Option<f64>,
+}
+
+impl RunStatus {
+    /// How many meshes are done, and how they ended.
+    pub fn summary(&self) -> String {
+        let Self { meshes, verified, unverified, failed, .. } = self;
+        let done = verified + unverified + failed;
+        format!(
+            "{done} of {meshes} meshes done: {verified} verified, {unverified} not verified, {failed} failed"
+        )
+    }
+
+    /// How fast it goes, and how long it will; `None` before that is known, and when nothing is left.
+    pub fn rate(&self) -> Option<String> {
+        let left =
+            self.seconds_left.filter(|&left| self.state == RunState::Running && left > 0.0)?;
+        Some(format!("{:.0} an hour, about {} left", self.per_hour, duration(left)))
+    }
+
+    /// All of it in one line.
+    pub fn line(&self) -> String {
+        let under_way = self.under_way.iter().map(|mesh| format!("{}: {}", mesh.path, mesh.stage));
+        let parts = [self.summary()].into_iter().chain(self.rate()).chain(under_way);
+        parts.collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// 75 s as "1 min 15 s".
+pub fn duration(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, 0, seconds) => format!("{seconds} s"),
+        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
+        (hours, minutes, _) => format!("{hours} h {minutes} min"),
+    }
 }
 
 /// Whether a run goes on.
@@ -157,6 +195,7 @@ mod tests {
             process: 1,
             started: 2,
             updated: 3,
+            watches: None,
             meshes: 4,
             verified: 1,
             unverified: 0,
@@ -182,5 +221,16 @@ mod tests {
         file.write(&status(RunState::Finished)).unwrap();
         drop(file);
         assert_eq!(read(dir.path()).unwrap(), Some(status(RunState::Finished)));
+    }
+
+    #[test]
+    fn a_status_is_one_line_and_durations_are_read_at_a_glance() {
+        let status = RunStatus { seconds_left: Some(75.0), ..status(RunState::Running) };
+        assert_eq!(
+            status.line(),
+            "2 of 4 meshes done: 1 verified, 0 not verified, 1 failed; 7 an hour, about 1 min 15 s left; a: train"
+        );
+        let texts = [0.2, 59.0, 75.0, 3600.0, 93_784.0].map(duration);
+        assert_eq!(texts, ["0 s", "59 s", "1 min 15 s", "1 h 0 min", "26 h 3 min"]);
     }
 }

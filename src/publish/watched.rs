@@ -19,9 +19,14 @@ pub enum Happened {
         /// Why it is looked at every second; null where the system says when something happens.
         polled: Option<String>,
     },
-    /// A mesh is new or was changed, and its file is whole: it waits for its turn.
+    /// A mesh is new or is being changed.
     Saved {
         /// Which one, relative to the folder.
+        path: String,
+    },
+    /// Its file stays as it is: it waits for its turn.
+    Ready {
+        /// Which one.
         path: String,
     },
     /// A mesh was changed while it was worked on: that work ends.
@@ -118,6 +123,7 @@ impl Happened {
                 format!("watching {folder}, {}, by looking every second: {why}", counted(*meshes))
             }
             Self::Saved { path } => format!("{path}  saved"),
+            Self::Ready { path } => format!("{path}  ready"),
             Self::Superseded { path } => {
                 format!("{path}  saved again: the older version is dropped")
             }

@@ -5,6 +5,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use tokio_util::sync::CancellationToken;
+use tracing::Span;
+use tracing::field::Empty;
+use tracing_indicatif::span_ext::IndicatifSpanExt;
+use tracing_indicatif::style::ProgressStyle;
 
 use super::context::Context;
 use crate::publish::report::Status;
@@ -18,6 +22,8 @@ const EVERY: Duration = Duration::from_secs(1);
 pub struct Board {
     began: Instant,
     started: u64,
+    /// The folder that is watched.
+    watches: Option<String>,
     entries: Mutex<Entries>,
 }
 
@@ -47,7 +53,12 @@ impl Board {
     pub fn new(meshes: usize) -> Self {
         let (began, started) = (Instant::now(), unix_now());
         let entries = Mutex::new(Entries { meshes, ..Entries::default() });
-        Self { began, started, entries }
+        Self { began, started, watches: None, entries }
+    }
+
+    /// Those of a `folder` that is watched.
+    pub fn watching(self, folder: String) -> Self {
+        Self { watches: Some(folder), ..self }
     }
 
     /// There are so many meshes now.
@@ -126,6 +137,7 @@ impl Board {
             process: std::process::id(),
             started: self.started,
             updated: unix_now(),
+            watches: self.watches.clone(),
             meshes,
             verified: with(Status::Verified),
             unverified: with(Status::Unverified),
@@ -160,12 +172,14 @@ pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
         }
     };
     let mut state = RunState::Running;
+    let line = StatusLine::show();
     while state == RunState::Running {
         if ended.is_cancelled() {
             let stopped = context.cancel.is_cancelled();
             state = if stopped { RunState::Interrupted } else { RunState::Finished };
         }
         let (file, status) = (file.clone(), context.board.status(state));
+        line.says(&status);
         let written = tokio::task::spawn_blocking(move || file.write(&status)).await;
         if let Ok(Err(error)) = written {
             tracing::warn!("`chladni status` will not know how far this run is: {error}");
@@ -175,6 +189,26 @@ pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
             () = ended.cancelled() => {}
             () = tokio::time::sleep(EVERY) => {}
         }
+    }
+}
+
+/// How far the run is, in one line on the terminal, above the bars of what is under way.
+struct StatusLine {
+    span: Span,
+}
+
+impl StatusLine {
+    fn show() -> Self {
+        let span = tracing::info_span!("meshes", indicatif.pb_show = Empty);
+        if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
+            span.pb_set_style(&style);
+        }
+        span.pb_start();
+        Self { span }
+    }
+
+    fn says(&self, status: &RunStatus) {
+        self.span.pb_set_message(&status.line());
     }
 }
 

@@ -15,7 +15,7 @@ use super::{
     Failure, assemble, candidates, family, ingest, publish, refine, remesh, train, tune, verify,
 };
 use crate::flow::stage::Outcomes;
-use crate::flow::{Admission, Parcel, Stage, Workers};
+use crate::flow::{Admission, Parcel, Place, Stage, Workers};
 use crate::pipeline::Method;
 use crate::publish::report::MeshReport;
 
@@ -56,11 +56,16 @@ impl Line {
 }
 
 impl Entrance {
-    /// Waits until there is room, and lets a mesh in; `None` when the line has ended.
-    pub async fn enter(&self, item: usize, load: Job) -> Option<()> {
+    /// Waits until there is a place for a mesh: which one is best chosen only then.
+    pub async fn place(&self) -> Place {
+        self.admission.place().await
+    }
+
+    /// Waits until there is memory for this mesh too, and lets it in; `None` when the line has ended.
+    pub async fn enter(&self, place: Place, item: usize, load: Job) -> Option<()> {
         // Asked for only now: a run over ten thousand meshes begins at once.
         let weight = self.weights.of_mesh(&load.source);
-        let admission = self.admission.admit(weight).await;
+        let admission = place.weighing(weight).await;
         self.intake.send(Parcel { item, load, admission }).await.ok()
     }
 }

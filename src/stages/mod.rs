@@ -29,7 +29,6 @@ pub mod board;
 pub mod candidates;
 pub mod checkpoints;
 pub mod context;
-mod desk;
 pub mod failure;
 pub mod family;
 pub mod ingest;

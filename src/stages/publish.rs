@@ -3,15 +3,16 @@
 use std::path::Path;
 use std::time::Instant;
 
+use ignore::WalkBuilder;
 use serde_json::json;
 
-use super::Failure;
 use super::candidates::{Grown, Origin};
 use super::context::Context;
 use super::ingest::Loaded;
 use super::predict::Predicted;
 use super::train::TrainedBlock;
 use super::verify::Verified;
+use super::{Failure, intake};
 use crate::flow::events::How;
 use crate::mesh::Area;
 use crate::operators::mass::row_sums;
@@ -189,6 +190,13 @@ pub fn remove_results(out: &Path, name: &str) -> Result<(), PublishError> {
         }
     }
     Ok(())
+}
+
+/// The names of all meshes that have results in the output folder `out`.
+pub fn published(out: &Path) -> Vec<String> {
+    let files = WalkBuilder::new(out).standard_filters(false).build().filter_map(Result::ok);
+    let results = files.filter(|entry| entry.file_name() == SPECTRUM);
+    results.filter_map(|entry| Some(intake::name_of(out, entry.path().parent()?))).collect()
 }
 
 /// The document of a verified mesh.

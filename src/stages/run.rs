@@ -166,8 +166,9 @@ impl Feeder {
     }
 
     async fn admit(&self, item: usize) -> Option<()> {
+        let place = self.unless_stopped(self.entrance.place()).await?;
         let job = self.jobs[item].clone();
-        self.unless_stopped(self.entrance.enter(item, job)).await?
+        self.unless_stopped(self.entrance.enter(place, item, job)).await?
     }
 
     /// What comes of `work`; `None` when the run is stopped before.

@@ -1,8 +1,9 @@
 //! When to look: when the system says that something has happened, and now and then.
 //!
 //! Whether the system says anything is found out with a cookie: a file that is made and removed in the folder, of which an
-//! event has to come. On network mounts and in some containers none does; then the folder is looked at every second, which
-//! is said. A look is a scan of the whole folder, so that watching by polling needs no watcher of its own.
+//! event has to come. In some containers none does. On network mounts one may, and yet no word of what other machines do:
+//! these are known by their kind. In both cases the folder is looked at every second, which is said. A look is a scan of the
+//! whole folder, so that watching by polling needs no watcher of its own.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -57,8 +58,11 @@ pub enum Silent {
     #[error("the system does not watch it: {0}")]
     Refused(notify::Error),
     /// It says nothing.
-    #[error("the system says nothing of what happens there, as on network mounts")]
+    #[error("the system says nothing of what happens there")]
     NoEvents,
+    /// It says nothing of what others do.
+    #[error("it is on {0}, where the system says nothing of what other machines do")]
+    Shared(&'static str),
 }
 
 impl Hints {
@@ -69,7 +73,10 @@ impl Hints {
         beside: Option<&Path>,
         counts: impl Fn(&Path) -> bool + Send + 'static,
     ) -> (Self, Option<Silent>) {
-        match Self::native(folder, beside, counts).await {
+        if let Some(kind) = shared(folder) {
+            return (Self::polling(folder, POLLING), Some(Silent::Shared(kind)));
+        }
+        match Self::native(folder, cookie_in(folder), beside, counts).await {
             Ok(hints) => (hints, None),
             Err(silent) => (Self::polling(folder, POLLING), Some(silent)),
         }
@@ -127,13 +134,15 @@ impl Hints {
         }
     }
 
+    /// Listens, where a file that is made at `cookie` is heard of.
     async fn native(
         folder: &Path,
+        cookie: PathBuf,
         beside: Option<&Path>,
         counts: impl Fn(&Path) -> bool + Send + 'static,
     ) -> Result<Self, Silent> {
         let (heard, found) = (Arc::new(Notify::new()), Arc::new(Notify::new()));
-        let (hint, cookie) = (heard.clone(), cookie_in(folder));
+        let hint = heard.clone();
         let (seen, awaited) = (found.clone(), cookie.clone());
         let listen = move |events: DebounceEventResult| {
             // An error is a queue that overflowed, or a folder that is gone: a reason to look.
@@ -183,6 +192,31 @@ fn is_reading(kind: EventKind) -> bool {
         EventKind::Access(_) => true,
         _ => false,
     }
+}
+
+/// What kind of file system a folder is on, if other machines may write to it.
+#[cfg(target_os = "linux")]
+fn shared(folder: &Path) -> Option<&'static str> {
+    shared_kind(rustix::fs::statfs(folder).ok()?.f_type as u32)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn shared(_folder: &Path) -> Option<&'static str> {
+    None
+}
+
+/// By the numbers of statfs(2), and the kernel's `magic.h`.
+#[cfg(target_os = "linux")]
+fn shared_kind(number: u32) -> Option<&'static str> {
+    Some(match number {
+        0x6969 => "an NFS mount",
+        0x517B | 0xFF53_4D42 | 0xFE53_4D42 => "an SMB mount",
+        0x0102_1997 => "a 9p mount",
+        0x00C3_6400 => "a Ceph mount",
+        0x5346_414F | 0x6B41_4653 => "an AFS mount",
+        0x6573_5546 => "a FUSE mount",
+        _ => return None,
+    })
 }
 
 fn cookie_in(folder: &Path) -> PathBuf {
@@ -237,6 +271,25 @@ mod tests {
         let mut slow = Hints::polling(Path::new("here"), Duration::from_secs(60));
         slow.next(began, Some(began)).await;
         assert!(began.elapsed() < Duration::from_secs(30));
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_system_that_says_nothing_is_found_out() {
+        // A cookie of which no event can come, since nobody listens there.
+        let [dir, elsewhere] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let cookie = elsewhere.path().join("cookie");
+        let heard = Hints::native(dir.path(), cookie.clone(), None, |_| true).await;
+        assert!(matches!(heard, Err(Silent::NoEvents)));
+        assert!(!cookie.exists());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn folders_that_other_machines_write_to_are_known_by_their_kind() {
+        assert_eq!(shared_kind(0x6969), Some("an NFS mount"));
+        // ext4, tmpfs.
+        assert_eq!([0xEF53, 0x0102_1994].map(shared_kind), [None, None]);
+        assert_eq!(shared(&std::env::temp_dir().join("not/there")), None);
     }
 
     #[tokio::test]

@@ -12,8 +12,10 @@
 //! ```
 //! - [`stamp`]: whether a file is the one that it was
 //! - [`settling`]: when a file that has changed is ready
+//! - [`departed`]: whether a file that is gone was renamed
 //! - [`hints`]: when to look
 
+pub mod departed;
 pub mod hints;
 pub mod settling;
 pub mod stamp;

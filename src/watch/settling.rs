@@ -7,6 +7,7 @@
 //! Nothing here touches a clock or a disk: the caller looks, and says when.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -22,6 +23,8 @@ const LAST_RETRY: Duration = Duration::from_secs(30);
 /// What has become of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Change {
+    /// It is not as it was, and perhaps not yet as it will be.
+    Moving(PathBuf),
     /// It is new, or another than it was, and ready to be read.
     Ready(PathBuf, Stamp),
     /// It is no longer there.
@@ -70,13 +73,18 @@ impl Settling {
             _ => true,
         });
         for (path, stamp) in seen {
-            let state = self.files.entry(path.clone()).or_insert_with(|| State::Moving {
-                stamp: stamp.clone(),
-                since: now,
-                was_known: false,
-            });
-            if state.found(now, &stamp) {
-                changes.push(Change::Ready(path, stamp));
+            let found = match self.files.entry(path.clone()) {
+                Entry::Occupied(state) => state.into_mut().found(now, &stamp),
+                Entry::Vacant(place) => {
+                    let stamp = stamp.clone();
+                    place.insert(State::Moving { stamp, since: now, was_known: false });
+                    Found::Moving
+                }
+            };
+            match found {
+                Found::AsItWas => {}
+                Found::Moving => changes.push(Change::Moving(path)),
+                Found::Ready => changes.push(Change::Ready(path, stamp)),
             }
         }
         changes
@@ -125,34 +133,46 @@ impl State {
         };
     }
 
-    /// Whether the file is ready, and was not before.
-    fn found(&mut self, now: Instant, seen: &Stamp) -> bool {
+    /// What it means that the file is there, and is so.
+    fn found(&mut self, now: Instant, seen: &Stamp) -> Found {
         match self {
             Self::Known { stamp, retry } if stamp == seen => match retry {
                 Some(retry) if retry.at <= now => {
                     // Until it is tried, and found wanting again.
                     retry.at = now + LAST_RETRY;
-                    true
+                    Found::Ready
                 }
-                _ => false,
+                _ => Found::AsItWas,
             },
             Self::Moving { stamp, since, .. } if stamp == seen => {
-                let is_ready = *since + QUIET <= now;
-                if is_ready {
-                    *self = Self::Known { stamp: seen.clone(), retry: None };
+                if now < *since + QUIET {
+                    return Found::AsItWas;
                 }
-                is_ready
+                *self = Self::Known { stamp: seen.clone(), retry: None };
+                Found::Ready
+            }
+            Self::Moving { was_known, .. } => {
+                *self = Self::Moving { stamp: seen.clone(), since: now, was_known: *was_known };
+                // That was said when it began.
+                Found::AsItWas
             }
             Self::Known { .. } => {
                 *self = Self::Moving { stamp: seen.clone(), since: now, was_known: true };
-                false
+                Found::Moving
             }
-            Self::Moving { was_known, .. } | Self::Missing { was_known, .. } => {
+            Self::Missing { was_known, .. } => {
                 *self = Self::Moving { stamp: seen.clone(), since: now, was_known: *was_known };
-                false
+                Found::Moving
             }
         }
     }
+}
+
+/// What a file that is there is, beside the looks before.
+enum Found {
+    AsItWas,
+    Moving,
+    Ready,
 }
 
 #[cfg(test)]
@@ -176,7 +196,8 @@ mod tests {
             }
         }
 
-        /// A look after so many milliseconds at files with these contents: names of what is ready, `-` before what is gone.
+        /// A look after so many milliseconds at files with these contents: names of what is ready, `~` before what
+        /// moves, `-` before what is gone.
         fn look(&mut self, after: u64, files: &[(&str, &str)]) -> Vec<String> {
             let seen = files.iter().map(|(name, text)| {
                 // Files of one length are one stamp: the test needs no clock.
@@ -190,6 +211,7 @@ mod tests {
             let now = self.start + Duration::from_millis(after);
             let changes = self.settling.look(now, seen);
             let named = changes.into_iter().map(|change| match change {
+                Change::Moving(path) => format!("~{}", path.display()),
                 Change::Ready(path, _) => path.display().to_string(),
                 Change::Gone(path) => format!("-{}", path.display()),
             });
@@ -208,7 +230,7 @@ mod tests {
     #[test]
     fn a_file_is_ready_once_when_two_looks_agree() {
         let mut told = Told::new();
-        assert_eq!(told.look(0, &[("a", "1")]), NOTHING);
+        assert_eq!(told.look(0, &[("a", "1")]), ["~a"]);
         assert_eq!(told.look(60, &[("a", "1")]), NOTHING);
         assert_eq!(told.look(120, &[("a", "1")]), ["a"]);
         assert_eq!(told.look(500, &[("a", "1")]), NOTHING);
@@ -219,7 +241,8 @@ mod tests {
     fn a_slow_write_is_waited_for() {
         let mut told = Told::new();
         for (step, text) in ["1", "12", "123", "1234"].into_iter().enumerate() {
-            assert_eq!(told.look(100 * step as u64, &[("a", text)]), NOTHING);
+            let said: &[&str] = if step == 0 { &["~a"] } else { &[] };
+            assert_eq!(told.look(100 * step as u64, &[("a", text)]), said);
         }
         assert!(!told.settling.is_quiet());
         assert_eq!(told.look(420, &[("a", "1234")]), ["a"]);
@@ -231,12 +254,12 @@ mod tests {
         told.look(0, &[("a", "1"), ("b", "1")]);
         assert_eq!(told.look(150, &[("a", "1"), ("b", "1")]), ["a", "b"]);
         assert_eq!(told.look(200, &[("b", "1")]), NOTHING);
-        assert_eq!(told.look(250, &[("a", "2"), ("b", "1")]), NOTHING);
+        assert_eq!(told.look(250, &[("a", "2"), ("b", "1")]), ["~a"]);
         assert_eq!(told.look(400, &[("a", "2"), ("b", "1")]), ["a"]);
         assert_eq!(told.look(500, &[("a", "2")]), NOTHING);
         assert_eq!(told.look(700, &[("a", "2")]), ["-b"]);
         // What was never ready is not gone either.
-        assert_eq!(told.look(800, &[("a", "2"), ("c", "1")]), NOTHING);
+        assert_eq!(told.look(800, &[("a", "2"), ("c", "1")]), ["~c"]);
         assert_eq!(told.look(850, &[("a", "2")]), NOTHING);
         assert_eq!(told.look(1200, &[("a", "2")]), NOTHING);
     }
@@ -254,7 +277,7 @@ mod tests {
         assert_eq!(told.look(1600, &[("a", "1")]), NOTHING);
         assert_eq!(told.look(1710, &[("a", "1")]), ["a"]);
         told.unreadable(1720, "a", "1");
-        assert_eq!(told.look(1800, &[("a", "12")]), NOTHING);
+        assert_eq!(told.look(1800, &[("a", "12")]), ["~a"]);
         assert_eq!(told.look(1950, &[("a", "12")]), ["a"]);
         assert!(told.settling.next_look().is_none());
     }

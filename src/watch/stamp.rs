@@ -3,9 +3,10 @@
 //! Size and time of change alone miss a file that another one with the same of both was renamed over, and a write within the
 //! clock's grain; a change of the inode's own time is seen whatever a program sets the file's time to.
 
+use std::fs::Metadata;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 /// What one look at a file and those that belong to it shows.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,8 +20,10 @@ pub struct Stamp {
 struct Look {
     length: u64,
     modified: Option<SystemTime>,
-    /// Of the inode, in nanoseconds, and its number.
-    changed: (i64, i64, u64),
+    /// When the inode was changed, whatever a program sets the file's time to; where there are none, as `modified`.
+    written: Option<SystemTime>,
+    /// The inode's number.
+    number: u64,
 }
 
 impl Stamp {
@@ -42,9 +45,9 @@ impl Stamp {
         self.own == other.own
     }
 
-    /// When the file was written, as it says itself.
-    pub fn modified(&self) -> Option<SystemTime> {
-        self.own.modified
+    /// When the file became what it is: written, or put in its place.
+    pub fn written(&self) -> Option<SystemTime> {
+        self.own.written
     }
 
     /// The files that belong to it.
@@ -55,22 +58,20 @@ impl Stamp {
 
 fn look(path: &Path) -> io::Result<Look> {
     let metadata = std::fs::metadata(path)?;
-    Ok(Look {
-        length: metadata.len(),
-        modified: metadata.modified().ok(),
-        changed: changed(&metadata),
-    })
+    let (written, number) = inode(&metadata);
+    Ok(Look { length: metadata.len(), modified: metadata.modified().ok(), written, number })
 }
 
 #[cfg(unix)]
-fn changed(metadata: &std::fs::Metadata) -> (i64, i64, u64) {
+fn inode(metadata: &Metadata) -> (Option<SystemTime>, u64) {
     use std::os::unix::fs::MetadataExt;
-    (metadata.ctime(), metadata.ctime_nsec(), metadata.ino())
+    let since = Duration::new(metadata.ctime().max(0) as u64, metadata.ctime_nsec() as u32);
+    (SystemTime::UNIX_EPOCH.checked_add(since), metadata.ino())
 }
 
 #[cfg(not(unix))]
-fn changed(_: &std::fs::Metadata) -> (i64, i64, u64) {
-    (0, 0, 0)
+fn inode(metadata: &Metadata) -> (Option<SystemTime>, u64) {
+    (metadata.modified().ok(), 0)
 }
 
 #[cfg(test)]

@@ -7,28 +7,35 @@
 //! a change too. A mesh that is saved again while it is worked on ends at the next opportunity; blocks that were trained
 //! by then are what its new version begins with ([`super::lineage`]).
 
-use std::cell::Cell;
-use std::collections::{BTreeMap, HashMap};
+mod account;
+mod desk;
+mod scan;
+
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
-use tokio::sync::mpsc;
+use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
+
+use account::Account;
+use desk::{Desk, Waiting};
+use scan::{Seen, scan};
 
 use super::board::{self, Board};
 use super::context::Context;
-use super::desk::{Desk, Waiting};
 use super::intake::{self, Job};
 use super::line::{Line, failed};
 use super::predict::GivenModel;
-use super::{Failure, publish};
+use super::publish::published;
+use super::{Failure, retention};
 use crate::flow::{EventSink, Outcome};
-use crate::mesh::{MeshHash, companions};
 use crate::pipeline::{OnDelete, Pipeline};
 use crate::publish::report::{MeshReport, Status};
+use crate::publish::status;
 use crate::publish::watched::Happened;
 use crate::store::Store;
 use crate::watch::hints::{Hints, Silent};
@@ -95,6 +102,7 @@ pub async fn watch(
     // Looked at before it is read: a change in between is seen.
     let used = source.file().and_then(|file| Stamp::of(file, Vec::new()).ok());
     let (mut pipeline, mut model) = source.read().map_err(WatchError::Pipeline)?;
+    let account = Account::new(&watch.out, tell);
     let mut house = House {
         watch,
         hints,
@@ -102,18 +110,13 @@ pub async fn watch(
         settling: Settling::default(),
         pipeline: Settling::default(),
         used,
-        seen: BTreeMap::new(),
-        known: BTreeMap::new(),
-        left: Vec::new(),
+        seen: Seen::new(),
         complaint: None,
-        removes: false,
-        ended: Ended::default(),
-        tell,
-        has_spoken: Cell::new(false),
+        account,
     };
     loop {
         match house.keep_current(pipeline, model, source).await? {
-            Next::End => return Ok(house.ended),
+            Next::End => return Ok(house.account.close()),
             Next::Pipeline(changed, given) => (pipeline, model) = (*changed, given),
         }
     }
@@ -170,30 +173,10 @@ struct Begun {
     is_wanted: bool,
 }
 
-/// A mesh of the folder.
-struct Known {
-    job: Job,
-    stamp: Stamp,
-    /// Of its content, once that was read.
-    hash: Option<MeshHash>,
-    /// Its last failure, which is told once.
-    complaint: Option<String>,
-}
-
-/// A mesh that has left the folder a moment ago.
-struct Left {
-    name: String,
-    hash: MeshHash,
-    at: Instant,
-}
-
-/// A file that goes and another with its content that comes, within so long, is one that was renamed.
-const RENAMED: Duration = Duration::from_secs(10);
-
 /// A scan is followed by a pause of so many times its own time.
 const PAUSE: u32 = 3;
 
-/// What is known of a folder.
+/// A folder, and what is known of it.
 struct House<'t> {
     watch: Watch,
     hints: Hints,
@@ -204,17 +187,10 @@ struct House<'t> {
     pipeline: Settling,
     used: Option<Stamp>,
     /// The files of the last scan, for what belongs to them.
-    seen: BTreeMap<PathBuf, Stamp>,
-    known: BTreeMap<String, Known>,
-    left: Vec<Left>,
+    seen: Seen,
     /// Why the folder could not be searched, which is told once.
     complaint: Option<String>,
-    /// Results of meshes that are gone go too.
-    removes: bool,
-    ended: Ended,
-    tell: &'t dyn Fn(&Happened),
-    /// Something was said since everything was current.
-    has_spoken: Cell<bool>,
+    account: Account<'t>,
 }
 
 impl House<'_> {
@@ -225,29 +201,19 @@ impl House<'_> {
         model: Option<Arc<GivenModel>>,
         source: &dyn Source,
     ) -> Result<Next, WatchError> {
-        self.removes = pipeline.publish.on_delete == OnDelete::Remove;
+        let removes = pipeline.publish.on_delete == OnDelete::Remove;
+        let mut desk = Desk::default();
+        // Under another pipeline every mesh is looked at again.
+        self.account.begins(removes).for_each(|(job, stamp)| desk.put(job, stamp));
+        let mut earlier = self.of_an_earlier_watch();
         let cancel = self.watch.cancel.child_token();
         let context = Arc::new(self.context(pipeline, model, cancel.clone()));
         let told = CancellationToken::new();
         let teller = tokio::spawn(board::tell(context.clone(), told.clone()));
         let (line, entrance, mut outcomes) =
             Line::start(&context, self.watch.workers, self.watch.memory)?;
-        let (mut desk, mut begun) = (Desk::default(), HashMap::<usize, Begun>::new());
-        // Under another pipeline every mesh is looked at again.
-        self.known.values().for_each(|known| desk.put(known.job.clone(), known.stamp.clone()));
-        let (to_line, mut chosen) = mpsc::channel::<(usize, Waiting)>(1);
-        let let_in = {
-            let entrance = entrance.clone();
-            tokio::spawn(async move {
-                while let Some((item, waiting)) = chosen.recv().await {
-                    if entrance.enter(item, waiting.job).await.is_none() {
-                        return;
-                    }
-                }
-            })
-        };
-        drop(entrance);
-        let mut next_item = 0;
+        let (mut begun, mut next_item) = (HashMap::<usize, Begun>::new(), 0);
+        let mut entering = JoinSet::new();
         // Every look is followed by a pause, whatever hints come meanwhile.
         let (mut looked, mut pause_until) = (Instant::now(), Instant::now());
         let mut look = Some(Look::Regular);
@@ -260,41 +226,51 @@ impl House<'_> {
                     break next;
                 }
                 let is_first = self.silent.is_some();
-                let (changes, is_news) = self.scan().await?;
+                let (changes, is_news) = self.look().await?;
                 pause_until = Instant::now() + PAUSE * looked.elapsed();
                 if is_news && why == Look::Regular && !is_first {
                     self.hints.missed_something();
                 }
                 context.board.expects(self.seen.len());
                 if let Some(silent) = self.silent.take() {
-                    let folder = self.watch.folder.display().to_string();
+                    let (folder, meshes) = (self.folder(), self.seen.len());
                     let polled = silent.map(|silent| silent.to_string());
-                    self.say(&Happened::Watching { folder, meshes: self.seen.len(), polled });
+                    self.account.say(&Happened::Watching { folder, meshes, polled });
+                    let there: HashSet<_> =
+                        self.seen.keys().map(|file| self.name_of(file)).collect();
+                    earlier.retain(|name| !there.contains(name));
+                    self.account.were_deleted(std::mem::take(&mut earlier));
                 }
                 for change in changes {
-                    self.take_note(change, &context, &mut desk, &mut begun);
+                    self.take_note(change, is_first, &context, &mut desk, &mut begun);
                 }
             }
-            if desk.is_empty() && begun.is_empty() && self.settling.is_quiet() {
-                self.tell_idle();
+            let all_is_read = desk.is_empty() && begun.is_empty() && self.settling.is_quiet();
+            self.account.settle_departed(Instant::now(), all_is_read);
+            if all_is_read {
+                self.is_current().await;
                 if self.watch.once {
                     break Next::End;
                 }
             }
-            let due =
-                [&self.settling, &self.pipeline].into_iter().filter_map(Settling::next_look).min();
+            let looks =
+                [&self.settling, &self.pipeline].into_iter().filter_map(Settling::next_look);
+            let due = looks.chain(self.account.due()).min();
             tokio::select! {
                 biased;
                 () = self.watch.cancel.cancelled() => break Next::End,
                 Some(outcome) = outcomes.recv() => {
                     self.settle(outcome, &context, &mut desk, &mut begun);
                 }
-                Ok(permit) = to_line.reserve(), if desk.has_free(|name| is_busy(&begun, name)) => {
+                // Chosen only when there is a place, as the newest one then.
+                place = entrance.place(), if desk.has_free(|name| is_busy(&begun, name)) => {
                     let Some(waiting) = desk.take(|name| is_busy(&begun, name)) else { continue };
-                    begun.insert(next_item, Begun { waiting: waiting.clone(), is_wanted: true });
-                    permit.send((next_item, waiting));
+                    let (entrance, item, job) = (entrance.clone(), next_item, waiting.job.clone());
+                    entering.spawn(async move { entrance.enter(place, item, job).await });
+                    begun.insert(item, Begun { waiting, is_wanted: true });
                     next_item += 1;
                 }
+                Some(_) = entering.join_next() => {}
                 () = tokio::time::sleep_until(pause_until.into()), if look.is_some() => {}
                 is_hint = self.hints.next(looked, due), if look.is_none() => {
                     look = Some(if is_hint { Look::Hinted } else { Look::Regular });
@@ -303,8 +279,8 @@ impl House<'_> {
         };
         // What is under way ends at its next opportunity; what it has finished is kept.
         cancel.cancel();
-        drop(to_line);
-        let_in.abort();
+        entering.shutdown().await;
+        drop(entrance);
         while let Some(outcome) = outcomes.recv().await {
             self.settle(outcome, &context, &mut desk, &mut begun);
         }
@@ -312,6 +288,21 @@ impl House<'_> {
         told.cancel();
         drop(teller.await);
         Ok(next)
+    }
+
+    /// The names of all results that an earlier watch of this folder has left, before this one begins; none afterwards.
+    fn of_an_earlier_watch(&self) -> Vec<String> {
+        let last = status::read(&self.watch.out).ok().flatten().filter(|_| self.silent.is_some());
+        let is_ours = last.is_some_and(|last| last.watches.as_deref() == Some(&*self.folder()));
+        if is_ours { published(&self.watch.out) } else { Vec::new() }
+    }
+
+    fn name_of(&self, source: &Path) -> String {
+        intake::name_of(&self.watch.folder, source)
+    }
+
+    fn folder(&self) -> String {
+        self.watch.folder.display().to_string()
     }
 
     fn context(
@@ -327,13 +318,13 @@ impl House<'_> {
             cancel,
             lineage: *lineage,
             checkpoint_every: *checkpoint_every,
-            board: Board::new(self.known.len()),
+            board: Board::new(self.account.len()).watching(self.folder()),
             ..Context::alone(pipeline, model, out.clone())
         }
     }
 
     /// What the files of the folder have become, and whether anything is not as it was at the last look.
-    async fn scan(&mut self) -> io::Result<(Vec<Change>, bool)> {
+    async fn look(&mut self) -> io::Result<(Vec<Change>, bool)> {
         let (folder, before) = (self.watch.folder.clone(), self.seen.clone());
         let scanned = tokio::task::spawn_blocking(move || scan(&folder, &before)).await;
         let seen = match scanned.map_err(io::Error::other)? {
@@ -369,11 +360,11 @@ impl House<'_> {
         }
         match source.read() {
             Ok((pipeline, model)) => {
-                self.say(&Happened::Pipeline { error: None });
+                self.account.say(&Happened::Pipeline { error: None });
                 Some(Next::Pipeline(Box::new(pipeline), model))
             }
             Err(error) => {
-                self.say(&Happened::Pipeline { error: Some(error) });
+                self.account.say(&Happened::Pipeline { error: Some(error) });
                 None
             }
         }
@@ -382,41 +373,26 @@ impl House<'_> {
     fn take_note(
         &mut self,
         change: Change,
+        is_first: bool,
         context: &Context,
         desk: &mut Desk,
         begun: &mut HashMap<usize, Begun>,
     ) {
         match change {
+            Change::Moving(source) => self.account.moves(self.name_of(&source), is_first),
             Change::Ready(source, stamp) => {
-                let name = intake::name_of(&self.watch.folder, &source);
-                let job = Job { source, name: name.clone() };
-                let same = |known: &&Known| known.stamp == stamp;
-                // Tried again, it is not saved again.
-                let is_retry = self.known.get(&name).filter(same).is_some();
-                if !is_retry {
-                    self.say(&Happened::Saved { path: name.clone() });
-                    self.give_up(&name, context, begun);
-                    let hash = self.known.get(&name).and_then(|known| known.hash);
-                    let known =
-                        Known { job: job.clone(), stamp: stamp.clone(), hash, complaint: None };
-                    self.known.insert(name, known);
+                let job = Job { name: self.name_of(&source), source };
+                if self.account.is_ready(&job, &stamp) {
+                    self.give_up(&job.name, context, begun);
                 }
                 desk.put(job, stamp);
             }
             Change::Gone(source) => {
-                let name = intake::name_of(&self.watch.folder, &source);
+                let name = self.name_of(&source);
                 self.give_up(&name, context, begun);
                 desk.drop(&name);
                 context.board.forgets(&name);
-                self.ended.meshes.remove(&name);
-                if let Some(Known { hash: Some(hash), .. }) = self.known.remove(&name) {
-                    self.left.retain(|left| left.at.elapsed() < RENAMED);
-                    self.left.push(Left { name: name.clone(), hash, at: Instant::now() });
-                }
-                if self.removes {
-                    self.remove_results(&name);
-                }
-                self.say(&Happened::Deleted { path: name, results_kept: !self.removes });
+                self.account.leaves(name);
             }
         }
     }
@@ -427,14 +403,8 @@ impl House<'_> {
             if begun.is_wanted && begun.waiting.job.name == name {
                 begun.is_wanted = false;
                 context.board.drops(item);
-                self.say(&Happened::Superseded { path: name.into() });
+                self.account.say(&Happened::Superseded { path: name.into() });
             }
-        }
-    }
-
-    fn remove_results(&self, name: &str) {
-        if let Err(error) = publish::remove_results(&self.watch.out, name) {
-            tracing::warn!("the results of {name} could not be removed: {error}");
         }
     }
 
@@ -455,15 +425,13 @@ impl House<'_> {
             // It was done before it could be dropped.
             Ok(_) if !is_wanted => {
                 context.board.ends(item, &job.name, None);
-                if !self.known.contains_key(&job.name) && self.removes {
-                    self.remove_results(&job.name);
-                }
+                self.account.is_done_too_late(&job.name);
             }
             Ok(report) => {
                 context.board.ends(item, &job.name, Some(report.status));
                 desk.is_done(&job.name);
                 self.settling.read(&job.source, &stamp);
-                self.done(&job, &stamp, &report);
+                self.account.is_done(&job, &stamp, &report);
             }
             Err(Failure::Superseded | Failure::Interrupted) => {
                 context.board.ends(item, &job.name, None);
@@ -474,94 +442,24 @@ impl House<'_> {
                 if again {
                     self.settling.unreadable(Instant::now(), &job.source, &stamp);
                 }
-                self.ended.defect |= failure.is_internal();
+                let is_defect = failure.is_internal();
                 let report = failed(context, &job, failure, true);
                 context.board.ends(item, &job.name, Some(report.status));
                 desk.is_done(&job.name);
-                self.failed(&job, report, again);
+                self.account.has_failed(report, again, is_defect);
             }
         }
     }
 
-    fn done(&mut self, job: &Job, stamp: &Stamp, report: &MeshReport) {
-        self.ended.meshes.insert(job.name.clone(), report.status);
-        let moved = report.hash.and_then(|hash| {
-            let is_it = |left: &Left| left.hash == hash && left.at.elapsed() < RENAMED;
-            let found = self.left.iter().position(is_it)?;
-            Some(self.left.swap_remove(found).name)
-        });
-        if let Some(known) = self.known.get_mut(&job.name) {
-            (known.hash, known.complaint) = (report.hash, None);
-        }
-        if let Some(from) = moved.filter(|from| *from != job.name && !self.known.contains_key(from))
-        {
-            self.remove_results(&from);
-            self.say(&Happened::Moved { from, path: job.name.clone() });
-        }
-        // A file that says that it was written long ago was not saved just now.
-        let saved =
-            stamp.modified().and_then(|modified| SystemTime::now().duration_since(modified).ok());
-        let seconds = match saved {
-            Some(since) if since < LONG_AGO => since.as_secs_f64(),
-            _ => report.seconds,
-        };
-        self.say(&Happened::done(report, seconds));
-    }
-
-    fn failed(&mut self, job: &Job, report: MeshReport, again: bool) {
-        self.ended.meshes.insert(job.name.clone(), Status::Failed);
-        let reason = report.reason.unwrap_or_default();
-        let Some(known) = self.known.get_mut(&job.name) else { return };
-        // Once: it may be tried a hundred times.
-        if known.complaint.as_ref() != Some(&reason) {
-            known.complaint = Some(reason.clone());
-            self.say(&Happened::Failed { path: job.name.clone(), reason, again });
-        }
-    }
-
-    fn say(&self, happened: &Happened) {
-        self.has_spoken.set(true);
-        (self.tell)(happened);
-    }
-
-    /// Once, until something else was said: a file that cannot be read is tried again and again.
-    fn tell_idle(&self) {
-        if !self.has_spoken.replace(false) {
+    /// Everything is current: a moment to look after the cache.
+    async fn is_current(&self) {
+        if !self.account.is_current() {
             return;
         }
-        let with = |status| self.ended.meshes.values().filter(|&&ended| ended == status).count();
-        (self.tell)(&Happened::Idle {
-            meshes: self.known.len(),
-            verified: with(Status::Verified),
-            unverified: with(Status::Unverified),
-            failed: with(Status::Failed),
-        });
+        let Some(store) = self.watch.store.clone() else { return };
+        let kept = tokio::task::spawn_blocking(move || retention::keep_models(&store)).await;
+        if let Ok(Err(error)) = kept {
+            tracing::debug!("models of earlier versions stay for now: {error}");
+        }
     }
-}
-
-/// A save that is longer ago was not the reason.
-const LONG_AGO: Duration = Duration::from_secs(3600);
-
-/// All meshes of the folder as they are now. What belongs to a file is found out when the file has changed.
-fn scan(
-    folder: &Path,
-    before: &BTreeMap<PathBuf, Stamp>,
-) -> Result<BTreeMap<PathBuf, Stamp>, intake::IntakeError> {
-    let look = |job: Job| {
-        let alone = Stamp::of(&job.source, Vec::new()).ok()?;
-        let stamp = match before.get(&job.source).filter(|before| before.is_same_file(&alone)) {
-            Some(before) if before.companions().next().is_none() => alone,
-            Some(before) => Stamp::of(&job.source, before.companions().cloned().collect()).ok()?,
-            None if job
-                .source
-                .extension()
-                .is_some_and(|ending| ending.eq_ignore_ascii_case("gltf")) =>
-            {
-                Stamp::of(&job.source, companions(&job.source)).ok()?
-            }
-            None => alone,
-        };
-        Some((job.source, stamp))
-    };
-    Ok(intake::search(folder)?.into_iter().filter_map(look).collect())
 }

@@ -1,0 +1,36 @@
+//! What a folder looks like now: every mesh with the stamp of its file and of those that belong to it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::mesh::companions;
+use crate::stages::intake::{self, IntakeError, Job};
+use crate::watch::stamp::Stamp;
+
+/// Files and what a look at them showed.
+pub type Seen = BTreeMap<PathBuf, Stamp>;
+
+/// All meshes of the folder as they are now. What belongs to a file is found out when the file has changed.
+///
+/// # Errors
+/// When the folder cannot be searched.
+pub fn scan(folder: &Path, before: &Seen) -> Result<Seen, IntakeError> {
+    let look = |job: Job| {
+        let alone = Stamp::of(&job.source, Vec::new()).ok()?;
+        let stamp = match before.get(&job.source).filter(|before| before.is_same_file(&alone)) {
+            Some(before) if before.companions().next().is_none() => alone,
+            Some(before) => Stamp::of(&job.source, before.companions().cloned().collect()).ok()?,
+            None if names_others(&job.source) => {
+                Stamp::of(&job.source, companions(&job.source)).ok()?
+            }
+            None => alone,
+        };
+        Some((job.source, stamp))
+    };
+    Ok(intake::search(folder)?.into_iter().filter_map(look).collect())
+}
+
+/// Whether a file of this kind may name others.
+fn names_others(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gltf"))
+}
