@@ -4,7 +4,7 @@ mod common;
 
 use chladni::mesh::{TriMesh, sample::icosphere};
 use chladni::publish::report::Status;
-use common::{QUICK, Workspace, chladni, obj, text};
+use common::{FEM, QUICK, Workspace, chladni, obj, text};
 
 #[test]
 fn exit_0_and_a_table_when_all_is_well() {
@@ -283,6 +283,38 @@ fn info_describes_a_mesh_and_refuses_what_is_none() {
     let refused = chladni(&["info", workspace.path("meshes/none.obj").to_str().unwrap()]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(text(&refused).contains("line 1"));
+}
+
+#[test]
+fn generated_meshes_are_the_surfaces_that_they_are_called_after() {
+    let workspace = Workspace::new(FEM);
+    let generate = |arguments: &[&str], file: &str| {
+        let out = workspace.path(file);
+        let out = ["--out", out.to_str().unwrap()];
+        chladni(&[&["generate"], arguments, &out].concat())
+    };
+    let output = generate(&["sphere", "--vertices", "600", "--seed", "2"], "meshes/generated.ply");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let (_, report) = workspace.report(&[]);
+    let sphere = report.meshes.iter().find(|mesh| mesh.path == "generated.ply").unwrap();
+    // l(l + 1) = 2, three times.
+    assert!(sphere.eigenpairs[1..].iter().all(|pair| (pair.pair.lambda / 2.0 - 1.0).abs() < 0.02));
+    let output = generate(&["square", "--vertices", "40", "--count", "12"], "squares/train.obj");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let files = std::fs::read_dir(workspace.path("squares")).unwrap();
+    let mut names: Vec<_> = files.map(|file| file.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names.len(), 12);
+    assert_eq!(names[7], "train-07.obj");
+    for (arguments, file, reason) in [
+        (["torus", "--vertices", "3"], "a.ply", "a torus takes 60 vertices or more, and not 3"),
+        (["vase", "--vertices", "90"], "a.stl", "a mesh is written as .ply or .obj"),
+        (["cube", "--vertices", "90"], "a.ply", "there are square, sphere, torus, vase"),
+    ] {
+        let output = generate(&arguments, file);
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(text(&output).contains(reason), "{}", text(&output));
+    }
 }
 
 #[test]

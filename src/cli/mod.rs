@@ -4,11 +4,13 @@
 //! - [`logging`]: what goes to stderr
 //! - [`task`]: what `run` and `explain` are asked to do
 //! - [`signals`]: SIGINT and SIGTERM
-//! - `run`, `watch`, `explain`, `status`, `solve`, `predict`, `model`, `info`, `cache`: the commands
+//! - `run`, `watch`, `explain`, `status`, `solve`, `predict`, `model`, `generate`, `info`, `cache`: the
+//!   commands
 
 mod cache;
 pub mod exit;
 mod explain;
+mod generate;
 mod info;
 mod logging;
 mod model;
@@ -49,6 +51,8 @@ enum Command {
     Status(status::Arguments),
     /// Solve for the eigenpairs of one mesh, and certify them
     Solve(solve::Arguments),
+    /// Sample a surface that has a formula: meshes to train on and to test with
+    Generate(generate::Arguments),
     /// Say what ingest sees of a mesh: counts, topology, defects, hash
     Info(info::Arguments),
     /// Predict the eigenpairs of one mesh with a trained model, by forward passes alone
@@ -101,6 +105,7 @@ pub fn main() -> ExitCode {
         Command::Explain(arguments) => explain::execute(&arguments),
         Command::Status(arguments) => status::execute(&arguments),
         Command::Solve(arguments) => solve::execute(&arguments),
+        Command::Generate(arguments) => generate::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
         Command::Predict(arguments) => predict::execute(&arguments),
         Command::Model(command) => model::execute(&command),

@@ -4,6 +4,7 @@
 //! - [`report`]: `run.json` and the document of `chladni run --format json`, what the work was
 //! - [`json`]: these documents as bytes
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
+//! - [`mesh_file`]: a mesh alone
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
 //! - [`plan`]: what a run would do, and why
 //! - [`status`]: how far a run is, for other processes
@@ -13,6 +14,7 @@
 
 pub mod atomic;
 pub mod json;
+pub mod mesh_file;
 pub mod npz;
 pub mod plan;
 pub mod ply;

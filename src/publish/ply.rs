@@ -35,10 +35,10 @@ pub fn to_ply(mesh: &TriMesh, pairs: &Eigenpairs) -> Vec<u8> {
 }
 
 fn header(mesh: &TriMesh, pairs: &Eigenpairs) -> String {
-    let mut header = String::from(
-        "ply\nformat binary_little_endian 1.0\n\
-         comment chladni: Laplace-Beltrami eigenfunctions phi_k, lambda_k in 1/unit^2\n",
-    );
+    let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
+    if !pairs.is_empty() {
+        header += "comment chladni: Laplace-Beltrami eigenfunctions phi_k, lambda_k in 1/unit^2\n";
+    }
     let mut line = |text: std::fmt::Arguments<'_>| {
         writeln!(header, "{text}").expect("a string takes any text");
     };

@@ -3,12 +3,12 @@
 // Every test file compiles this module for itself and uses what it needs.
 #![allow(dead_code)]
 
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use chladni::flow::Event;
 use chladni::mesh::{TriMesh, sample::icosphere};
+pub use chladni::publish::mesh_file::to_obj as obj;
 use chladni::publish::report::RunReport;
 use tempfile::TempDir;
 
@@ -90,18 +90,6 @@ impl Workspace {
 pub fn events(log: &Path) -> Vec<Event> {
     let text = std::fs::read_to_string(log).unwrap_or_default();
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
-}
-
-/// A mesh as the text of an OBJ file that reads back to the same numbers.
-pub fn obj(mesh: &TriMesh) -> String {
-    let mut text = String::new();
-    for [x, y, z] in mesh.vertices() {
-        writeln!(text, "v {x:?} {y:?} {z:?}").unwrap();
-    }
-    for [a, b, c] in mesh.faces() {
-        writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
-    }
-    text
 }
 
 /// The sphere of a workspace, drawn out along x, as the text of an OBJ file.

@@ -1,7 +1,7 @@
-//! Sample surfaces whose spectra are known in closed form.
+//! The sphere as an icosahedron whose faces are split.
 
-use super::subdivide::subdivide;
-use super::trimesh::{TriMesh, norm};
+use crate::mesh::subdivide::subdivide;
+use crate::mesh::trimesh::{TriMesh, norm};
 
 /// The unit sphere: an icosahedron whose faces are split in four `levels` times, vertices pushed onto the
 /// sphere. Has 10·4^levels + 2 vertices. Spectrum of S²: l(l+1) with multiplicity 2l+1.

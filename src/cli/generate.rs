@@ -1,0 +1,79 @@
+//! `chladni generate`: samplings of surfaces that have a formula, as mesh files.
+
+use std::path::{Path, PathBuf};
+
+use super::exit::Exit;
+use super::{Refusal, print};
+use crate::mesh::TriMesh;
+use crate::mesh::sample::Shape;
+use crate::publish::mesh_file;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  chladni generate square --vertices 144 --count 200 --out squares/train.ply
+  chladni generate sphere --vertices 1502 --seed 7 --out sphere.obj")]
+pub struct Arguments {
+    /// square: [0, π]², a tenth of its vertices on the boundary, all at random; sphere: of radius 1; torus: of radii 1 and 0.4; vase: a surface of revolution, open at foot and mouth
+    #[arg(value_parser = shape, value_name = "square|sphere|torus|vase")]
+    shape: Shape,
+    /// How many vertices
+    #[arg(long, value_name = "N", default_value = "500")]
+    vertices: usize,
+    /// Another number makes other samplings
+    #[arg(long, value_name = "N", default_value = "0")]
+    seed: u64,
+    /// How many samplings; the files of several have numbers
+    #[arg(long, value_name = "N", default_value = "1")]
+    count: u64,
+    /// The file, as PLY or OBJ by its ending
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+fn shape(name: &str) -> Result<Shape, String> {
+    Shape::ALL
+        .into_iter()
+        .find(|shape| shape.name() == name)
+        .ok_or_else(|| format!("there are {}", Shape::ALL.map(Shape::name).join(", ")))
+}
+
+pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
+    let Arguments { shape, vertices, seed, count, out } = arguments;
+    for member in 0..*count {
+        let mesh = shape.sample(*vertices, *seed, member).map_err(Refusal::usage)?;
+        let file = if *count > 1 { numbered(out, member, *count) } else { out.clone() };
+        write(&file, &mesh)?;
+        print(&format!(
+            "{}: {}, {} vertices, {} faces",
+            file.display(),
+            shape.name(),
+            mesh.n(),
+            mesh.faces().len()
+        ))?;
+    }
+    Ok(Exit::Success)
+}
+
+fn write(file: &Path, mesh: &TriMesh) -> Result<(), Refusal> {
+    mesh_file::write(file, mesh)
+        .map_err(|error| Refusal::usage(format!("{}: {error}", file.display())))
+}
+
+/// `dir/name.ply` as `dir/name-017.ply`, with as many digits as `count` needs.
+fn numbered(file: &Path, member: u64, count: u64) -> PathBuf {
+    let digits = (count - 1).to_string().len();
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = file.extension().unwrap_or_default().to_string_lossy();
+    file.with_file_name(format!("{stem}-{member:0digits$}.{ending}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_sort_as_names_do() {
+        let names = [0, 17, 199].map(|member| numbered("a/b.c.ply".as_ref(), member, 200));
+        assert_eq!(names, ["a/b.c-000.ply", "a/b.c-017.ply", "a/b.c-199.ply"].map(PathBuf::from));
+    }
+}
