@@ -5,8 +5,9 @@ mod common;
 use std::collections::BTreeSet;
 
 use chladni::flow::events::{Event, How};
+use chladni::mesh::sample::Shape;
 use chladni::publish::report::RunRecord;
-use common::{FEM, QUICK, Workspace, ellipsoid};
+use common::{FEM, QUICK, Workspace, chladni, ellipsoid, obj, text};
 
 fn computed(events: &[Event]) -> Vec<(&str, Option<usize>)> {
     let computed = events.iter().filter(|event| event.how == How::Computed);
@@ -226,6 +227,31 @@ fn another_family_is_made_and_trained_on() {
         assert_eq!(counts, [3, 0], "{change}");
         assert!(computed(&events).contains(&("remesh", None)), "{change}");
     }
+}
+
+#[test]
+fn one_training_on_samplings_of_a_formula_serves_every_mesh() {
+    let of_the_sphere = QUICK.replace("[family]", "[family]\nof = \"sphere\"");
+    let workspace = Workspace::new(&of_the_sphere);
+    workspace.write("meshes/other.obj", &obj(&Shape::Sphere.sample(300, 1, 0).unwrap()));
+    let (code, report) = workspace.report(&["--jobs", "1"]);
+    assert_eq!(code, 0, "{report:?}");
+    let counts: Vec<_> = report.meshes.iter().map(|mesh| (mesh.trained, mesh.reused)).collect();
+    assert_eq!(counts, [(3, 0), (0, 3)]);
+    // An edit costs no training either, and models are called after the surface.
+    workspace.write("meshes/other.obj", &obj(&Shape::Sphere.sample(400, 1, 0).unwrap()));
+    let (code, report) = workspace.report(&[]);
+    assert_eq!(code, 0, "{report:?}");
+    assert!(report.meshes.iter().all(|mesh| mesh.trained == 0 && mesh.grown_from.is_none()));
+    let cache = workspace.path("cache");
+    let listed = chladni(&["model", "list", "--cache", cache.to_str().unwrap()]);
+    assert_eq!(text(&listed).matches("sphere-").count(), 1, "{}", text(&listed));
+    // Another surface is refused.
+    workspace.write("meshes/other.obj", &obj(&Shape::Torus.sample(200, 1, 0).unwrap()));
+    let (code, report) = workspace.report(&[]);
+    assert_eq!(code, 3);
+    let reason = report.meshes[0].reason.clone().unwrap();
+    assert!(reason.starts_with("the mesh is no sampling of a sphere"), "{reason}");
 }
 
 #[test]

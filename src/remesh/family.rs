@@ -1,4 +1,4 @@
-//! A family: seeded variants of one mesh that keep its topology.
+//! A family: seeded variants of one mesh that keep its topology, or samplings of a surface with a formula.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -10,6 +10,7 @@ use super::resolution::Resolution;
 use super::simplify::simplify;
 use super::thickness::thinnest;
 use crate::mesh::closest::ClosestPoint;
+use crate::mesh::sample::{SampleError, Shape};
 use crate::mesh::subdivide::subdivide;
 use crate::mesh::trimesh::InvalidMesh;
 use crate::mesh::{Topology, TriMesh};
@@ -18,6 +19,8 @@ use crate::mesh::{Topology, TriMesh};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FamilyRecipe {
+    /// What the members are samplings of. Of a surface with a formula only `members`, `vertices` and `seed` count.
+    pub of: Of,
     /// How many meshes; 1 is the mesh itself.
     pub members: usize,
     /// What is done to the mesh for every variant, in this order.
@@ -34,6 +37,36 @@ pub struct FamilyRecipe {
     pub flips: f64,
     /// Seeds all of this.
     pub seed: u64,
+}
+
+/// `family.of`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Of {
+    /// The mesh itself: its variants. The paper's single-instance case, made a multi-instance one.
+    #[default]
+    Mesh,
+    /// [`Shape::Square`]. With this and the others, the paper's multi-instance case: the mesh is a sampling too.
+    Square,
+    /// [`Shape::Sphere`].
+    Sphere,
+    /// [`Shape::Torus`].
+    Torus,
+    /// [`Shape::Vase`].
+    Vase,
+}
+
+impl Of {
+    /// The surface with a formula, if it is one.
+    pub fn shape(self) -> Option<Shape> {
+        match self {
+            Self::Mesh => None,
+            Self::Square => Some(Shape::Square),
+            Self::Sphere => Some(Shape::Sphere),
+            Self::Torus => Some(Shape::Torus),
+            Self::Vase => Some(Shape::Vase),
+        }
+    }
 }
 
 /// A change of the sampling that keeps the surface, or nearly so.
@@ -54,6 +87,7 @@ impl Default for FamilyRecipe {
     /// The values that `docs/training.md` arrives at; on a mesh of fewer vertices the cap on their share rules.
     fn default() -> Self {
         Self {
+            of: Of::Mesh,
             members: 8,
             operations: vec![Operation::Simplify],
             vertices: 2000.into(),
@@ -81,6 +115,16 @@ pub enum FamilyError {
          leave out one of family.operations, or set family.members = 1 to train on the mesh alone"
     )]
     Topology { draws: usize },
+    /// A surface with a formula has no such sampling.
+    #[error("{0} (family.vertices)")]
+    Sample(#[from] SampleError),
+    /// The mesh is no sampling of the surface that the family is of.
+    #[error(
+        "the mesh is no sampling of a {}: it has {} components, {} boundary loops and Euler characteristic {}; family.of = \"mesh\" \
+         trains on variants of the mesh itself",
+        .shape.name(), .found.0, .found.1, .found.2
+    )]
+    Other { shape: Shape, found: (usize, usize, i64) },
 }
 
 /// Draws before a member is given up.
@@ -108,6 +152,9 @@ impl Family {
     /// # Errors
     /// [`FamilyError::Topology`] when no draw for some member keeps the topology.
     pub fn of(mesh: &TriMesh, recipe: &FamilyRecipe) -> Result<Self, FamilyError> {
+        if let Some(shape) = recipe.of.shape() {
+            return Self::sampled(shape, recipe);
+        }
         if recipe.members <= 1 || recipe.leaves_alone(mesh) {
             return Ok(Self { members: vec![mesh.clone()] });
         }
@@ -131,9 +178,35 @@ impl Family {
             .collect::<Result<_, _>>()?;
         Ok(Self { members })
     }
+
+    /// Samplings of a surface with a formula.
+    fn sampled(shape: Shape, recipe: &FamilyRecipe) -> Result<Self, FamilyError> {
+        let member = |member: u64| {
+            let mut rng = ChaCha8Rng::seed_from_u64(recipe.seed);
+            rng.set_stream(member);
+            shape.sample(recipe.vertices.draw(&mut rng), recipe.seed, member)
+        };
+        let members = (0..recipe.members as u64).map(member).collect::<Result<_, _>>()?;
+        Ok(Self { members })
+    }
 }
 
 impl FamilyRecipe {
+    /// Whether a family by this recipe can be one of a mesh with this topology.
+    ///
+    /// # Errors
+    /// [`FamilyError::Other`] where the family is of a surface with a formula, and the mesh is another one.
+    pub fn suits(&self, topology: &Topology) -> Result<(), FamilyError> {
+        let Topology { components, boundary_loops, euler_characteristic, .. } = *topology;
+        match self.of.shape() {
+            Some(shape) if !shape.is_like(topology) => {
+                let found = (components, boundary_loops, euler_characteristic);
+                Err(FamilyError::Other { shape, found })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Whether nothing would be done to `mesh`.
     fn leaves_alone(&self, mesh: &TriMesh) -> bool {
         let simplified = self.simplifies(mesh);
@@ -183,6 +256,23 @@ mod tests {
 
     fn recipe(members: usize) -> FamilyRecipe {
         FamilyRecipe { members, vertices: 120.into(), seed: 5, ..FamilyRecipe::default() }
+    }
+
+    #[test]
+    fn samplings_of_a_formula_do_not_depend_on_the_mesh() {
+        let of = |mesh: &TriMesh, members| {
+            let recipe = FamilyRecipe { of: Of::Sphere, ..recipe(members) };
+            Family::of(mesh, &recipe)
+        };
+        let family = of(&icosphere(2), 3).unwrap();
+        assert_eq!(of(&icosphere(1), 3).unwrap(), family);
+        assert_eq!(of(&icosphere(1), 2).unwrap().members, family.members[..2]);
+        assert!(family.members.iter().all(|member| member.n() == 120));
+        let square = Shape::Square.sample(100, 0, 0).unwrap();
+        let recipe = FamilyRecipe { of: Of::Sphere, ..recipe(3) };
+        let error = recipe.suits(&Topology::of(&square)).unwrap_err();
+        assert_eq!(error, FamilyError::Other { shape: Shape::Sphere, found: (1, 1, 1) });
+        assert_eq!(recipe.suits(&Topology::of(&icosphere(0))), Ok(()));
     }
 
     #[test]

@@ -20,6 +20,6 @@ pub mod resolution;
 pub mod simplify;
 pub mod thickness;
 
-pub use family::{Family, FamilyError, FamilyRecipe, Operation};
+pub use family::{Family, FamilyError, FamilyRecipe, Of, Operation};
 pub use refined::refined;
 pub use resolution::Resolution;

@@ -8,14 +8,14 @@ use rayon::prelude::*;
 use super::Failure;
 use super::assemble::{Assembled, operators_of};
 use super::context::Context;
-use super::remesh::Familied;
+use super::remesh::{Familied, Surface};
 use crate::flow::events::How;
 use crate::ggnn::features::{FeatureOptions, Features};
 use crate::ggnn::predict::NetworkInput;
 use crate::ggnn::sample::Member;
+use crate::mesh::TriMesh;
 use crate::mesh::closest::ClosestPoint;
 use crate::mesh::topology::component_labels;
-use crate::mesh::{Ingested, TriMesh};
 use crate::operators::{Boundary, OperatorOptions, Operators};
 use crate::remesh::{Family, refined};
 use crate::spectrum::Dense;
@@ -32,7 +32,8 @@ pub struct TrainingSet {
     pub operators_digests: Vec<Digest>,
     /// How many eigenfunctions of λ = 0 there are, on every member as on the mesh.
     pub known: usize,
-    ingested: Arc<Ingested>,
+    /// What the members are samplings of.
+    pub surface: Arc<Surface>,
     options: FeatureOptions,
     boundary: Boundary,
     /// What holds the network to 0 on a Dirichlet boundary.
@@ -67,7 +68,7 @@ pub struct Seen {
 impl TrainingSet {
     /// What the network reads of the members, and of every other mesh of the shape.
     pub fn features(&self) -> &Features {
-        self.features.get_or_init(|| Features::of(&self.ingested.mesh, self.options))
+        self.features.get_or_init(|| Features::of(self.surface.mesh(), self.options))
     }
 
     /// The family as training sees it.
@@ -118,7 +119,7 @@ impl TrainingSet {
         if let Some(finer) = self.finer.get() {
             return Ok(Some(finer));
         }
-        let surface = ClosestPoint::on(&self.ingested.mesh);
+        let surface = ClosestPoint::on(self.surface.mesh());
         let one = |variant: &TriMesh| {
             let mesh = refined(variant, &surface, self.head_subdivisions);
             let operators = Operators::assemble(&mesh, self.assembly)?;
@@ -144,7 +145,7 @@ impl TrainingSet {
 /// When a member has no operators or too few free vertices for K eigenpairs, or the run is interrupted.
 pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<Prepared, Failure> {
     let started = Instant::now();
-    let Familied { mut assembled, family, family_digest, known } = familied;
+    let Familied { mut assembled, family, family_digest, surface, known } = familied;
     let (options, train) = (context.pipeline.operators, &context.pipeline.train);
     let (mut operators, mut operators_digests) = (Vec::new(), Vec::new());
     let mut how = How::Reused;
@@ -166,7 +167,7 @@ pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<Pre
         family_digest,
         operators_digests,
         known,
-        ingested: assembled.loaded.ingested.clone(),
+        surface,
         options: context.pipeline.features,
         boundary: options.boundary,
         penalty: train.boundary_penalty,

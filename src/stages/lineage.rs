@@ -84,7 +84,9 @@ impl Parent {
 
 /// The model that the mesh is to begin with, where it has one.
 pub fn parent(context: &Context, loaded: &Loaded) -> Option<Arc<Parent>> {
-    let store = context.store.as_ref().filter(|_| context.lineage)?;
+    // What is trained for a surface with a formula does not depend on the mesh.
+    let depends = context.pipeline.family.of.shape().is_none();
+    let store = context.store.as_ref().filter(|_| context.lineage && depends)?;
     let own = version_key::<VersionArtifact>(&context.pipeline, &loaded.hash);
     let name = match store.get::<VersionArtifact>(&own) {
         Some(version) => version.artifact.parent?,

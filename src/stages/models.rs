@@ -11,8 +11,8 @@ use std::sync::Arc;
 use rkyv::{Archive, Deserialize, Serialize};
 
 use super::artifacts::TrunkArtifact;
-use super::assemble::Assembled;
 use super::context::Context;
+use super::remesh::Surface;
 use super::train::{InTraining, TrainedBlock};
 use crate::flow::events::How;
 use crate::ggnn::Model;
@@ -195,10 +195,10 @@ pub fn import(store: &Store, name: &str, model: &Model) -> Result<(), ModelError
 
 /// Makes a training findable by name, which is returned. A store that cannot be written costs a warning and nothing else.
 pub fn remember(context: &Context, trained: &InTraining) -> Option<String> {
-    let InTraining { assembled, training, blocks, chosen, .. } = trained;
+    let InTraining { training, blocks, chosen, .. } = trained;
     let first = blocks.first()?;
-    let mesh_name = &assembled.loaded.job.name;
-    let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(mesh_name)), first.key.to_string());
+    let surface = &training.surface;
+    let name = format!("{}-{:.SHORT_KEY$}", tidy(stem(&surface.name)), first.key.to_string());
     let trunks = blocks.chunk_by(|a, b| a.key == b.key);
     let trunks: Vec<_> = trunks.map(|heads| (heads[0].key, heads.len())).collect();
     let Some(store) = context.writable() else { return Some(name) };
@@ -208,7 +208,7 @@ pub fn remember(context: &Context, trained: &InTraining) -> Option<String> {
     }
     let features = training.features().clone();
     let description =
-        describe(&context.pipeline, &chosen.train, assembled, trained.known(), features);
+        describe(&context.pipeline, &chosen.train, surface, trained.known(), features);
     if let Err(error) = put(store, &name, &description, &trunks) {
         store.complain(ModelArtifact::STAGE, &error);
     }
@@ -219,16 +219,14 @@ pub fn remember(context: &Context, trained: &InTraining) -> Option<String> {
 fn describe(
     pipeline: &Pipeline,
     train: &Train,
-    assembled: &Assembled,
+    surface: &Surface,
     known: usize,
     features: Features,
 ) -> Description {
     let Pipeline { family, operators, features: options, .. } = pipeline;
-    let ingested = &assembled.loaded.ingested;
-    let name = &assembled.loaded.job.name;
     Description {
         chladni: env!("CARGO_PKG_VERSION").into(),
-        mesh: TrainedMesh::of(name, &ingested.mesh, &ingested.topology, &features),
+        mesh: TrainedMesh::of(&surface.name, surface.mesh(), surface.topology(), &features),
         known,
         features,
         operators: *operators,

@@ -184,7 +184,7 @@ fn work(
         .param("recipe", canonical(recipe))
         .param("penalty", canonical(&penalty(context, train)))
         .param("head subdivisions", train.head_subdivisions.to_string());
-    let mut work = of_family(work, context, &state.assembled, &state.training, train);
+    let mut work = of_family(work, context, &state.training, train);
     if state.parent.is_some() {
         work = work.input(PARENTS_FRAME, &Digest::of(&canonical(state.training.features())));
     }
@@ -214,7 +214,6 @@ pub fn penalty(context: &Context, train: &Train) -> Option<f64> {
 pub fn of_family<A: Artifact>(
     work: Work<A>,
     context: &Context,
-    assembled: &Assembled,
     training: &TrainingSet,
     train: &Train,
 ) -> Work<A> {
@@ -224,7 +223,7 @@ pub fn of_family<A: Artifact>(
         .input("family", &training.family_digest);
     if features.input != Input::EdgeLengths || train.head_subdivisions > 0 {
         // Its frame, its landmarks, or the surface that finer samplings lie on.
-        work = work.input("mesh", &assembled.loaded.digest());
+        work = work.input("mesh", &training.surface.digest);
     }
     let members = training.operators_digests.iter();
     members.fold(work, |work, operators| work.input("operators", operators))

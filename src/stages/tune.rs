@@ -132,5 +132,5 @@ fn work(
         .param("held out", judge.held_out.to_string())
         .param("recipe", canonical(&recipe))
         .param("penalty", canonical(&penalty(context, train)));
-    of_family(work, context, &prepared.assembled, &prepared.training, train)
+    of_family(work, context, &prepared.training, train)
 }
