@@ -29,9 +29,9 @@ const LOG: &str = "db";
 /// Databases set aside are named with this and the time.
 const QUARANTINE: &str = "quarantine-";
 
-/// Pages that the database keeps in memory. Its default is 1 GiB; the artifacts in flight need that more, and a page that is
+/// What the database's pages in memory may take. Its default is 1 GiB; the artifacts in flight need that more, and a page that is
 /// read again comes from the system.
-const PAGE_CACHE: u64 = 16 << 20;
+const PAGE_CACHE: u64 = 4 << 20;
 
 /// How long to wait for a lock on the database while the directory is ours: one that was just closed may stay locked
 /// for a moment, through a copy of its handle in a process that is being started.
