@@ -120,3 +120,23 @@ fn the_penalty_on_the_boundary_is_searched_for_too() {
     let recipe = std::fs::read_to_string(workspace.path("out/square.obj/recipe.toml")).unwrap();
     assert!(recipe.contains("\nboundary_penalty = "), "{recipe}");
 }
+
+#[test]
+fn a_formula_says_how_far_what_is_learned_and_both_references_are_from_it() {
+    let workspace = Workspace::new(PIPELINE);
+    workspace.write("meshes/square.obj", &obj(&square(16, false)));
+    let (code, report) = workspace.report(&["--set", "verify.closed_form=square"]);
+    assert_eq!(code, 3, "the sphere has no boundary");
+    for (pair, exact) in report.meshes[1].eigenpairs.iter().zip([2.0, 5.0, 5.0]) {
+        let formula = pair.pair.closed_form.clone().unwrap();
+        assert_eq!(formula.lambda, exact);
+        let (fem, mpgd) = (formula.fem.unwrap(), formula.mpgd.unwrap());
+        // On a uniform grid FEM's eigenvectors are the sines themselves, but for the cut of the diagonals.
+        assert!(fem.angle < 0.01 && (fem.mse - mpgd.mse).abs() < 1e-7, "{formula:?}");
+        assert!(formula.own.angle < 0.2 && formula.own.mse < 0.2_f64.powi(2), "{formula:?}");
+        assert!(formula.own.mse_euclidean < formula.own.mse, "{formula:?}");
+    }
+    let (_, report) = workspace.report(&["--set", "verify.closed_form=sphere"]);
+    let reason = report.meshes[1].reason.as_deref().unwrap();
+    assert!(reason.starts_with("vertex 0 does not lie on the unit sphere"), "{reason}");
+}

@@ -26,7 +26,7 @@ pub use file::{MODEL_EXTENSION, is_model_file};
 pub use mpgd_step::MpgdStep;
 pub use recipe_file::FoundRecipe;
 pub use train::{Method, RecipeName, Refine, Train};
-pub use verify::{MpgdDirection, Verify};
+pub use verify::{Formula, MpgdDirection, Verify};
 
 /// What to compute, for which meshes, and how to judge it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::MpgdStep;
+use crate::spectrum::closed_form::ClosedForm;
 use crate::spectrum::mpgd::Stopping;
 
 /// `[verify]`
@@ -28,6 +29,8 @@ pub struct Verify {
     pub mpgd_iterations: usize,
     /// Seeds M-PGD's start vectors.
     pub mpgd_seed: u64,
+    /// The surface whose formula eigenfunctions are measured against as well; the verdict does not depend on it.
+    pub closed_form: Formula,
 }
 
 /// `verify.mpgd_direction`
@@ -38,6 +41,30 @@ pub enum MpgdDirection {
     Preconditioned,
     /// The gradient (19).
     Gradient,
+}
+
+/// `verify.closed_form`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Formula {
+    /// None is known.
+    #[default]
+    None,
+    /// [`ClosedForm::Square`].
+    Square,
+    /// [`ClosedForm::Sphere`].
+    Sphere,
+}
+
+impl Formula {
+    /// The surface, if there is one.
+    pub fn surface(self) -> Option<ClosedForm> {
+        match self {
+            Self::None => None,
+            Self::Square => Some(ClosedForm::Square),
+            Self::Sphere => Some(ClosedForm::Sphere),
+        }
+    }
 }
 
 impl Default for Verify {
@@ -52,6 +79,7 @@ impl Default for Verify {
             mpgd_tolerance: 1e-6,
             mpgd_iterations: 20_000,
             mpgd_seed: 1,
+            closed_form: Formula::None,
         }
     }
 }

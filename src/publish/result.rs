@@ -8,6 +8,7 @@ use super::json::{document, null_is_nan};
 use crate::mesh::{Area, Ingested, MeshHash, Repairs};
 use crate::operators::Quality;
 use crate::spectrum::certificate::{self, PairCertificate};
+use crate::spectrum::closed_form::Deviation;
 use crate::spectrum::mpgd;
 
 /// The format of `spectrum.json`. A document of another format does not read as [`Spectrum`].
@@ -143,8 +144,46 @@ pub struct Eigenpair {
     pub angle_fem: f64,
     /// How M-PGD went; null for pairs that were given to it and pairs it did not get to.
     pub mpgd: Option<MpgdRun>,
+    /// What a formula says of it (`verify.closed_form`); only there where one is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub closed_form: Option<AgainstFormula>,
     /// Whether the measures are within the tolerances.
     pub verdict: Verdict,
+}
+
+/// An eigenpair held against a formula. See [`Deviation`] for the measures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AgainstFormula {
+    /// The exact eigenvalue.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub lambda: f64,
+    /// Of this pair, before any refinement.
+    #[serde(flatten)]
+    pub own: FromFormula,
+    /// Of the reference solver's.
+    pub fem: Option<FromFormula>,
+    /// Of M-PGD's; null where it was not asked or did not get there.
+    pub mpgd: Option<FromFormula>,
+}
+
+/// How far a function is from the closest one of the exact eigenspace.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FromFormula {
+    /// The angle between them, radians.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub angle: f64,
+    /// (31), both of unit B-norm.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub mse: f64,
+    /// (31), both of unit 2-norm.
+    #[serde(deserialize_with = "null_is_nan")]
+    pub mse_euclidean: f64,
+}
+
+impl From<&Deviation> for FromFormula {
+    fn from(&Deviation { angle, mse, mse_euclidean, .. }: &Deviation) -> Self {
+        Self { angle, mse, mse_euclidean }
+    }
 }
 
 impl Eigenpair {
@@ -170,6 +209,7 @@ impl Eigenpair {
             angle_mpgd: measured.angle_mpgd,
             angle_fem: measured.angle_fem,
             mpgd: measured.mpgd.map(MpgdRun::from),
+            closed_form: None,
             verdict,
         }
     }

@@ -17,9 +17,11 @@
 //! - [`mpgd`]: the paper's Algorithm 1, the second opinion
 //! - [`inertia`]: the exact number of eigenvalues below a shift
 //! - [`dual_norm`]: norms of residuals that bound eigenvalue errors
+//! - [`closed_form`]: eigenpairs that have a formula
 //! - [`certificate`]: what was checked of a set of eigenpairs
 
 pub mod certificate;
+pub mod closed_form;
 pub mod cluster;
 pub mod dual_norm;
 pub mod eigenpairs;

@@ -8,6 +8,7 @@ use crate::operators::OperatorError;
 use crate::publish::PublishError;
 use crate::remesh::FamilyError;
 use crate::spectrum::SpectrumError;
+use crate::spectrum::closed_form::NotOnSurface;
 use crate::store::StoreError;
 
 /// What ended the work on one mesh.
@@ -35,6 +36,9 @@ pub enum Failure {
     /// A factorisation or a solver failed.
     #[error(transparent)]
     Spectrum(#[from] SpectrumError),
+    /// The mesh is not the surface that it is to be measured against.
+    #[error(transparent)]
+    NotOnSurface(#[from] NotOnSurface),
     /// Training failed.
     #[error("training {functions}: {source}")]
     Train { functions: String, source: TrainError },

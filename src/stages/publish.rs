@@ -11,7 +11,7 @@ use super::context::Context;
 use super::ingest::Loaded;
 use super::predict::Predicted;
 use super::train::TrainedBlock;
-use super::verify::Verified;
+use super::verify::{Deviations, Verified};
 use super::{Failure, intake};
 use crate::flow::events::How;
 use crate::mesh::Area;
@@ -24,7 +24,7 @@ use crate::publish::npz::EigenArrays;
 use crate::publish::ply::to_ply;
 use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
 use crate::publish::result::{
-    Eigenpair, Inheritance, MeshSummary, Provenance, Source, Spectrum, Verdict,
+    AgainstFormula, Eigenpair, Inheritance, MeshSummary, Provenance, Source, Spectrum, Verdict,
 };
 use crate::spectrum::Eigenpairs;
 use crate::spectrum::certificate::PairCertificate;
@@ -212,7 +212,8 @@ pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
     let eigenpairs = judged.enumerate().map(|(j, (pair, short))| {
         let source = source(&verified.origin, refined.is_some(), j);
         let pair = Eigenpair::new(j + 1, source, verdict(short.is_empty()), pair, area);
-        Eigenpair { lambda_refined: refined.map(|values| values[j]), ..pair }
+        let closed_form = verified.deviations.as_ref().and_then(|all| against_formula(all, j));
+        Eigenpair { lambda_refined: refined.map(|values| values[j]), closed_form, ..pair }
     });
     Spectrum {
         schema: Default::default(),
@@ -256,6 +257,17 @@ pub fn predicted_spectrum(context: &Context, predicted: &Predicted) -> Spectrum 
         repairs: (&predicted.loaded.ingested.repairs).into(),
         provenance: Provenance::new(parameters(context, &context.pipeline.train)),
     }
+}
+
+/// What a formula says of pair `j`, from 0.
+fn against_formula(deviations: &Deviations, j: usize) -> Option<AgainstFormula> {
+    let own = deviations.own.get(j)?;
+    Some(AgainstFormula {
+        lambda: own.lambda,
+        own: own.into(),
+        fem: deviations.fem.get(j).map(Into::into),
+        mpgd: deviations.mpgd.get(j).map(Into::into),
+    })
 }
 
 /// The area that makes λ unit-free. The graph Laplacian's eigenvalues have no unit that it could cancel.

@@ -12,10 +12,11 @@ use super::verdict::{Judgement, Standard, judge};
 use super::work::Work;
 use super::{Failure, stand_in};
 use crate::spectrum::certificate::{PairCertificate, References, certify};
+use crate::spectrum::closed_form::Deviation;
 use crate::spectrum::factor::Analysis;
 use crate::spectrum::fem::Reference;
 use crate::spectrum::pencil::column;
-use crate::spectrum::{Certificate, Dense, Problem};
+use crate::spectrum::{Certificate, Dense, Eigenpairs, Problem};
 use crate::store::Digest;
 
 /// A mesh with its certified eigenpairs.
@@ -36,8 +37,21 @@ pub struct Verified {
     /// What a solver made of learned functions. Then λ and the angles of the certificate are those of the functions
     /// before; all else, and the judgement, is of the refined pairs.
     pub refinement: Option<Refinement>,
+    /// How far the functions, and those that they are held against, are from a formula, where one is known.
+    pub deviations: Option<Deviations>,
     /// Nothing was measured: this is a plan, and a run would.
     pub stands_in: bool,
+}
+
+/// How far functions are from those of a formula, by k; of the references at least as many as of one's own.
+#[derive(Debug, Clone)]
+pub struct Deviations {
+    /// Of what is published.
+    pub own: Vec<Deviation>,
+    /// Of the reference solver's.
+    pub fem: Vec<Deviation>,
+    /// Of M-PGD's, as far as it got.
+    pub mpgd: Vec<Deviation>,
 }
 
 /// Certifies the K eigenpairs of a mesh.
@@ -87,6 +101,10 @@ pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<
             judgement
         }
     };
+    let deviations = match stands_in {
+        true => None,
+        false => deviations(context, &assembled, &problem, &vectors, &references)?,
+    };
     drop(problem);
     assembled.loaded.spent("verify", how, started.elapsed());
     let verified = Verified {
@@ -97,9 +115,30 @@ pub fn verify(context: &Context, item: usize, candidates: Candidates) -> Result<
         certificate,
         judgement,
         refinement,
+        deviations,
         stands_in,
     };
     Ok(verified)
+}
+
+/// What the formula that the pipeline names says of the functions and their references.
+fn deviations(
+    context: &Context,
+    assembled: &Assembled,
+    problem: &Problem<'_>,
+    vectors: &Dense,
+    references: &References,
+) -> Result<Option<Deviations>, Failure> {
+    let Some(surface) = context.pipeline.verify.closed_form.surface() else { return Ok(None) };
+    let (mesh, boundary) = (&assembled.loaded.ingested.mesh, context.pipeline.operators.boundary);
+    let exact = surface.eigenpairs(mesh, boundary, vectors.ncols())?;
+    let of = |vectors: &Dense| exact.deviations(vectors, &assembled.operators.mass);
+    let reference = |pairs: &Eigenpairs| of(&problem.extend(pairs.vectors.clone()));
+    Ok(Some(Deviations {
+        own: of(vectors),
+        fem: reference(&references.fem.pairs),
+        mpgd: references.mpgd.as_ref().map(|mpgd| reference(&mpgd.pairs)).unwrap_or_default(),
+    }))
 }
 
 /// The certificate of refined pairs with the λ and the angles of the learned ones.

@@ -24,6 +24,7 @@ fn pair(k: usize, lambda: f64, stopped_by: Option<StoppedBy>) -> PairReport {
             angle_mpgd: 0.5,
             angle_fem: 0.0119,
             mpgd: stopped_by.map(|stopped_by| MpgdRun { iterations: 100, stopped_by }),
+            closed_form: None,
             verdict: Verdict::Verified,
         },
         cached: false,
