@@ -11,7 +11,7 @@
 //! - [`artifacts`]: what the store keeps of each stage
 //! - [`ingest`], [`assemble`], [`remesh`], [`family`], [`tune`], [`train`], [`verify`], [`publish`]: one stage each
 //! - [`lineage`]: which mesh grew from which; [`inherit`]: what becomes of the blocks of a previous version
-//! - [`checkpoints`]: trainings that are not finished
+//! - [`checkpoints`]: trainings that are not finished; `trials`: searches that are not
 //! - [`models`]: trained chains of blocks by name
 //! - [`retention`]: which entries of the store are of use
 //! - [`candidates`]: the stages `predict` and `solve`, which make what is verified
@@ -47,6 +47,7 @@ pub mod retention;
 pub mod run;
 mod stand_in;
 pub mod train;
+mod trials;
 pub mod tune;
 pub mod verdict;
 pub mod verify;

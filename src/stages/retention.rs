@@ -7,6 +7,7 @@ use super::artifacts::{
 };
 use super::lineage::{self, PathArtifact, VersionArtifact};
 use super::models::{self, ModelArtifact};
+use super::trials::TrialArtifact;
 use super::warm::SolvedArtifact;
 use crate::store::{Kind, Store, StoreError};
 
@@ -18,6 +19,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<TuneArtifact>(),
         Kind::of::<TrunkArtifact>(),
         Kind::of::<CheckpointArtifact>(),
+        Kind::of::<TrialArtifact>(),
         Kind::of::<PredictionArtifact>(),
         Kind::of::<ReferenceArtifact>(),
         Kind::of::<SecondOpinionArtifact>(),

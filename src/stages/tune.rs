@@ -7,6 +7,7 @@ use super::artifacts::TuneArtifact;
 use super::context::Context;
 use super::family::Prepared;
 use super::train::{Chosen, InTraining, Progress, fits, named, of_family, penalty};
+use super::trials::Trials;
 use super::work::{Work, canonical};
 use super::{Failure, stand_in};
 use crate::ggnn::recipe::{Recipe, Ritz};
@@ -76,6 +77,7 @@ fn searched(
         members: prepared.training.members() - judge.held_out,
     };
     let work = work(context, &prepared, recipe, judge).seeded(train.seed, "f32");
+    let trials = Trials::of(work.key(), context.writable());
     let recalled = context.recall_costly(item, work, stand_in::tuning, || {
         let mesh = &prepared.assembled.loaded.job.name;
         let steps = most_steps(recipe, train.tune, judge.trainings());
@@ -87,11 +89,14 @@ fn searched(
             let other = choice.boundary_penalty != own.boundary_penalty;
             let under = other.then(|| training.seen_under(choice.boundary_penalty));
             let seen = under.as_ref().unwrap_or_else(|| training.seen());
-            judge.loss(&recipe, &seen.members, &seen.nullspaces, &progress)
+            trials.loss(choice, effort, || {
+                judge.loss(&recipe, &seen.members, &seen.nullspaces, &progress)
+            })
         });
         // A training that fails has an infinite loss: what is left is that it is to stop.
         found.map(|tuning| (&tuning).into()).map_err(|_| progress.stopped())
     })?;
+    trials.are_over();
     if recalled.stands_in {
         return Ok(as_it_is(train, prepared));
     }
