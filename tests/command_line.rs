@@ -318,6 +318,49 @@ fn generated_meshes_are_the_surfaces_that_they_are_called_after() {
 }
 
 #[test]
+fn a_pipeline_generates_its_meshes() {
+    let entry = |entry: &str| FEM.replace("paths = [\"meshes\"]", &format!("generate = [{entry}]"));
+    let two = "{ shape = \"sphere\", vertices = [100, 200], count = 2 }";
+    let one = "{ shape = \"torus\", vertices = [150], seed = 3 }";
+    let workspace = Workspace::new(&entry(&format!("{two}, {one}")));
+    let (code, report) = workspace.report(&[]);
+    assert_eq!(code, 0, "{report:?}");
+    let names: Vec<_> = report.meshes.iter().map(|mesh| mesh.path.as_str()).collect();
+    let expected = [
+        "sphere-100-0.ply",
+        "sphere-100-1.ply",
+        "sphere-200-0.ply",
+        "sphere-200-1.ply",
+        "torus-150-seed3.ply",
+    ];
+    assert_eq!(names, expected);
+    assert_eq!(report.meshes.iter().map(|mesh| mesh.vertices.unwrap()).sum::<usize>(), 750);
+    let written = |name: &str| {
+        let file = workspace.path("out/generated").join(name);
+        file.metadata().unwrap().modified().unwrap()
+    };
+    let before = expected.map(written);
+    let (_, again) = workspace.report(&[]);
+    assert!(again.meshes.iter().zip(&report.meshes).all(|(a, b)| a.hash == b.hash));
+    assert_eq!(expected.map(written), before);
+    // Meshes on the command line take their place.
+    let meshes = workspace.path("meshes");
+    let (_, report) = workspace.report(&["--input", meshes.to_str().unwrap()]);
+    assert_eq!(report.meshes.len(), 1);
+    for (bad, reason) in [
+        ("{ shape = \"sphere\", vertices = [3] }", "a sphere takes 12 vertices or more, and not 3"),
+        ("{ shape = \"sphere\", vertices = [30, 30] }", "sphere-30.ply is asked for twice"),
+        ("{ shape = \"sphere\", vertice = [30] }", "unknown field `vertice`"),
+        ("{ shape = \"cube\", vertices = [30] }", "unknown variant `cube`"),
+    ] {
+        workspace.write("pipeline.toml", &entry(bad));
+        let output = workspace.run(&[]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(text(&output).contains(reason), "{}", text(&output));
+    }
+}
+
+#[test]
 fn cache_stat_counts_what_a_run_left() {
     let workspace = Workspace::new(QUICK);
     workspace.report(&[]);

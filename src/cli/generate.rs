@@ -41,7 +41,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let Arguments { shape, vertices, seed, count, out } = arguments;
     for member in 0..*count {
         let mesh = shape.sample(*vertices, *seed, member).map_err(Refusal::usage)?;
-        let file = if *count > 1 { numbered(out, member, *count) } else { out.clone() };
+        let file = mesh_file::numbered(out, member, *count);
         write(&file, &mesh)?;
         print(&format!(
             "{}: {}, {} vertices, {} faces",
@@ -57,23 +57,4 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
 fn write(file: &Path, mesh: &TriMesh) -> Result<(), Refusal> {
     mesh_file::write(file, mesh)
         .map_err(|error| Refusal::usage(format!("{}: {error}", file.display())))
-}
-
-/// `dir/name.ply` as `dir/name-017.ply`, with as many digits as `count` needs.
-fn numbered(file: &Path, member: u64, count: u64) -> PathBuf {
-    let digits = (count - 1).to_string().len();
-    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = file.extension().unwrap_or_default().to_string_lossy();
-    file.with_file_name(format!("{stem}-{member:0digits$}.{ending}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_sort_as_names_do() {
-        let names = [0, 17, 199].map(|member| numbered("a/b.c.ply".as_ref(), member, 200));
-        assert_eq!(names, ["a/b.c-000.ply", "a/b.c-017.ply", "a/b.c-199.ply"].map(PathBuf::from));
-    }
 }

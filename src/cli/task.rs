@@ -58,11 +58,20 @@ impl Task {
     /// What the user has to mend in either.
     pub fn read(&self) -> Result<(Pipeline, Vec<Job>), Refusal> {
         let pipeline = Pipeline::load(&self.pipeline, &self.laid.set).map_err(Refusal::usage)?;
-        let inputs = if self.input.is_empty() { &pipeline.input.paths } else { &self.input };
-        let jobs = intake::jobs(inputs).map_err(Refusal::usage)?;
+        let inputs = if self.input.is_empty() {
+            let folder = self.out.join(GENERATED);
+            let made = intake::generate(&pipeline.input.generate, &folder);
+            pipeline.input.paths.iter().cloned().chain(made.map_err(Refusal::usage)?).collect()
+        } else {
+            self.input.clone()
+        };
+        let jobs = intake::jobs(&inputs).map_err(Refusal::usage)?;
         Ok((pipeline, jobs))
     }
 }
+
+/// Where generated meshes are, in the output folder.
+const GENERATED: &str = "generated";
 
 /// The model of `train.method = "predict"`.
 ///

@@ -19,6 +19,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::ggnn::features::FeatureOptions;
+use crate::mesh::sample::Shape;
 use crate::operators::OperatorOptions;
 use crate::remesh::FamilyRecipe;
 pub use error::PipelineError;
@@ -54,6 +55,28 @@ pub struct Pipeline {
 pub struct Input {
     /// Mesh files, or folders that are searched for them; relative to the pipeline file.
     pub paths: Vec<PathBuf>,
+    /// Samplings of surfaces that have a formula.
+    pub generate: Vec<Generate>,
+}
+
+/// An entry of `input.generate`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Generate {
+    /// The surface.
+    pub shape: Shape,
+    /// How many vertices: one sampling or more for each number.
+    pub vertices: Vec<usize>,
+    /// How many samplings with each number of vertices.
+    #[serde(default = "one")]
+    pub count: u64,
+    /// Another one makes other samplings.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+fn one() -> u64 {
+    1
 }
 
 /// `[publish]`

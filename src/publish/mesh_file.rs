@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::PublishError;
 use super::ply::to_ply;
@@ -23,7 +23,8 @@ pub enum MeshFileError {
     File(#[from] PublishError),
 }
 
-/// Writes a mesh in the format that the name of the file ends in, and makes its folder where there is none.
+/// Writes a mesh in the format that the name of the file ends in, unless it is there already, and makes its folder where there
+/// is none.
 ///
 /// # Errors
 /// [`MeshFileError`].
@@ -37,11 +38,23 @@ pub fn write(file: &Path, mesh: &TriMesh) -> Result<(), MeshFileError> {
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder)?;
     }
-    Ok(super::write(file, &bytes)?)
+    super::write_if_changed(file, &bytes)?;
+    Ok(())
 }
 
 fn no_eigenpairs(mesh: &TriMesh) -> Eigenpairs {
     Eigenpairs { values: Vec::new(), vectors: Dense::zeros(mesh.n(), 0) }
+}
+
+/// `dir/name.ply` as `dir/name-017.ply`, with as many digits as `count` needs; as it is where there is only one.
+pub fn numbered(file: &Path, member: u64, count: u64) -> PathBuf {
+    if count <= 1 {
+        return file.into();
+    }
+    let digits = (count - 1).to_string().len();
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = file.extension().unwrap_or_default().to_string_lossy();
+    file.with_file_name(format!("{stem}-{member:0digits$}.{ending}"))
 }
 
 /// The text of an OBJ file; the shortest decimals that are the same doubles.
@@ -64,6 +77,13 @@ mod tests {
     use super::*;
     use crate::mesh::load;
     use crate::mesh::sample::Shape;
+
+    #[test]
+    fn numbers_sort_as_names_do() {
+        let names = [0, 17, 199].map(|member| numbered("a/b.c.ply".as_ref(), member, 200));
+        assert_eq!(names, ["a/b.c-000.ply", "a/b.c-017.ply", "a/b.c-199.ply"].map(PathBuf::from));
+        assert_eq!(numbered("b.ply".as_ref(), 0, 1), PathBuf::from("b.ply"));
+    }
 
     #[test]
     fn what_is_written_reads_back_to_the_same_numbers() {

@@ -143,6 +143,9 @@ const SMALL: usize = 620;
 /// collapsed triangle's cotangents swamp the stiffness of all others.
 const THINNEST: f64 = 1e-3;
 
+/// Samplings with this in their number are for training: none that is generated otherwise is among them.
+const TRAINING: u64 = 1 << 63;
+
 impl Family {
     /// Makes the family of `mesh`.
     ///
@@ -184,7 +187,7 @@ impl Family {
         let member = |member: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(recipe.seed);
             rng.set_stream(member);
-            shape.sample(recipe.vertices.draw(&mut rng), recipe.seed, member)
+            shape.sample(recipe.vertices.draw(&mut rng), recipe.seed, member | TRAINING)
         };
         let members = (0..recipe.members as u64).map(member).collect::<Result<_, _>>()?;
         Ok(Self { members })

@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use ignore::WalkBuilder;
 
 use crate::mesh::Format;
+use crate::mesh::sample::SampleError;
+use crate::pipeline::Generate;
+use crate::publish::mesh_file::{self, MeshFileError};
 
 /// A folder with this file holds the results of a mesh. What lies in it is no input, although its `eigen.ply` ends as
 /// meshes do: results may lie below the meshes that they are of.
@@ -29,8 +32,19 @@ pub struct Job {
 #[derive(Debug, thiserror::Error)]
 pub enum IntakeError {
     /// No input was given.
-    #[error("there is no input: name meshes or folders under [input] paths, or with --input")]
+    #[error(
+        "there is no input: name meshes or folders under [input] paths, or with --input, or surfaces under [input] generate"
+    )]
     None,
+    /// A surface has no such sampling.
+    #[error("input.generate: {0}")]
+    Sample(#[from] SampleError),
+    /// Two generated meshes that are the same, or would have one name.
+    #[error("input.generate: {} is asked for twice; give one of them another seed", .path.display())]
+    Twice { path: PathBuf },
+    /// A generated mesh that cannot be written.
+    #[error("{path}: the generated mesh cannot be written: {source}", path = .path.display())]
+    Generated { path: PathBuf, source: MeshFileError },
     /// Folders without a mesh.
     #[error(
         "no mesh was found under {searched}; meshes end in {}",
@@ -88,6 +102,33 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
     Ok(jobs)
 }
 
+/// Makes the samplings that a pipeline asks for, as files in `folder`: `square-144.ply`, of another seed
+/// `square-144-seed7.ply`, of several `square-144-07.ply`. They
+/// depend on the entries alone, and one that is there already is not written again.
+///
+/// # Errors
+/// [`IntakeError::Sample`] and [`IntakeError::Generated`].
+pub fn generate(entries: &[Generate], folder: &Path) -> Result<Vec<PathBuf>, IntakeError> {
+    let mut files = Vec::new();
+    for Generate { shape, vertices, count, seed } in entries {
+        for &n in vertices {
+            let seeded = if *seed == 0 { String::new() } else { format!("-seed{seed}") };
+            let plain = folder.join(format!("{}-{n}{seeded}.ply", shape.name()));
+            for member in 0..*count {
+                let path = mesh_file::numbered(&plain, member, *count);
+                if files.contains(&path) {
+                    return Err(IntakeError::Twice { path });
+                }
+                let mesh = shape.sample(n, *seed, member)?;
+                mesh_file::write(&path, &mesh)
+                    .map_err(|source| IntakeError::Generated { path: path.clone(), source })?;
+                files.push(path);
+            }
+        }
+    }
+    Ok(files)
+}
+
 /// The meshes below a folder, sorted by name: not what is hidden, what a `.chladniignore` in it or in a folder below leaves
 /// out (its lines are those of a `.gitignore`), nor folders of results. Links to files are followed, links to folders are not:
 /// they may lead back up.
@@ -120,11 +161,19 @@ pub fn search(root: &Path) -> Result<Vec<Job>, IntakeError> {
             tracing::warn!("{error}; what it was to leave out is not left out");
         }
         let path = entry.into_path();
-        if is_mesh(&path) && path.is_file() {
+        if is_mesh(&path) && may_be_read(&path) {
             jobs.push(Job { name: name_of(root, &path), source: path });
         }
     }
     Ok(jobs)
+}
+
+/// Whether it is a file, or cannot be looked at: then it fails when it is read, with the reason.
+fn may_be_read(path: &Path) -> bool {
+    match path.metadata() {
+        Ok(metadata) => metadata.is_file(),
+        Err(error) => error.kind() != io::ErrorKind::NotFound,
+    }
 }
 
 /// The name of a mesh that was found below `root`.
