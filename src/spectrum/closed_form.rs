@@ -40,7 +40,7 @@ pub struct NotOnSurface {
 }
 
 /// How far a vertex may be from the surface.
-const ON_SURFACE: f64 = 1e-6;
+const ON_SURFACE: f64 = 1e-5;
 
 /// Exact eigenvalues closer than this (relative) are one.
 const SAME: f64 = 1e-9;
@@ -85,13 +85,20 @@ impl ClosedForm {
         boundary: Boundary,
         count: usize,
     ) -> Result<Exact, NotOnSurface> {
-        if let Some(vertex) = mesh.vertices().iter().position(|p| !self.has(p)) {
-            return Err(NotOnSurface { surface: self, vertex });
-        }
+        self.check(mesh)?;
         Ok(match self {
             Self::Square => square(mesh, boundary, count),
             Self::Sphere => sphere(mesh, count),
         })
+    }
+
+    /// Whether every vertex lies on the surface.
+    ///
+    /// # Errors
+    /// When one does not.
+    pub fn check(self, mesh: &TriMesh) -> Result<(), NotOnSurface> {
+        let off = mesh.vertices().iter().position(|p| !self.has(p));
+        off.map_or(Ok(()), |vertex| Err(NotOnSurface { surface: self, vertex }))
     }
 
     fn has(self, &[x, y, z]: &[f64; 3]) -> bool {

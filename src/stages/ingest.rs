@@ -48,6 +48,9 @@ pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
     if n < k {
         return Err(Failure::TooSmall { n, k });
     }
+    if let Some(surface) = context.pipeline.verify.closed_form.surface() {
+        surface.check(&ingested.mesh)?;
+    }
     let areas = ingested.mesh.vertex_areas().into_iter();
     if let Some(area) = areas.chain([ingested.mesh.area().0]).find(|area| !area.is_normal()) {
         return Err(Failure::Area { area });
