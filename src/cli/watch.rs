@@ -122,7 +122,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     // The tasks are done; what is left waits for signals that no longer matter.
     runtime.shutdown_background();
     let watched::Ended { meshes, defect } = ended.map_err(|error| match error {
-        WatchError::Pipeline(_) => Refusal::usage(error),
+        WatchError::Pipeline(_) | WatchError::Folder(_) => Refusal::usage(error),
         WatchError::Threads(_) => Refusal::internal(error),
     })?;
     Ok(Exit::gravest(

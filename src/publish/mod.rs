@@ -4,6 +4,7 @@
 //! - [`report`]: `run.json` and the document of `chladni run --format json`, what the work was
 //! - [`json`]: these documents as bytes
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
+//! - [`kept_current`]: which meshes of a watched folder have results
 //! - [`mesh_file`]: a mesh alone
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
 //! - [`plan`]: what a run would do, and why
@@ -14,6 +15,7 @@
 
 pub mod atomic;
 pub mod json;
+pub mod kept_current;
 pub mod mesh_file;
 pub mod npz;
 pub mod plan;

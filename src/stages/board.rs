@@ -14,8 +14,9 @@ use super::context::Context;
 use crate::publish::report::Status;
 use crate::publish::status::{RunState, RunStatus, RunStatusSchema, StatusFile, UnderWay};
 
-/// How often others are told.
+/// How often others are told, and the terminal.
 const EVERY: Duration = Duration::from_secs(1);
+const EVERY_LINE: Duration = Duration::from_millis(250);
 
 /// Where the meshes of a run stand.
 #[derive(Debug)]
@@ -38,6 +39,9 @@ struct Entries {
     ended: BTreeMap<String, Status>,
     /// How often one did.
     endings: usize,
+    /// Since when there is nothing to do, and how long there was not before.
+    resting: Option<Instant>,
+    rested: Duration,
 }
 
 #[derive(Debug)]
@@ -85,7 +89,15 @@ impl Board {
     pub fn begins(&self, item: usize, path: &str) {
         let now = Instant::now();
         let entry = Entry { path: path.into(), stage: "ingest".into(), since: now, began: now };
-        self.entries().under_way.insert(item, entry);
+        let mut entries = self.entries();
+        entries.under_way.insert(item, entry);
+        entries.rested = entries.rested();
+        entries.resting = None;
+    }
+
+    /// There is nothing to do until the next mesh begins: that time does not count.
+    pub fn rests(&self) {
+        self.entries().resting.get_or_insert_with(Instant::now);
     }
 
     /// A mesh enters a stage.
@@ -129,7 +141,8 @@ impl Board {
         // One that is under way again has ended before.
         let again = |mesh: &&UnderWay| entries.ended.contains_key(&mesh.path);
         let done = entries.ended.len() - under_way.iter().filter(again).count();
-        let each = self.began.elapsed().as_secs_f64() / entries.endings as f64;
+        let busy = self.began.elapsed().saturating_sub(entries.rested());
+        let each = busy.as_secs_f64() / entries.endings as f64;
         let has_ended = entries.endings > 0;
         RunStatus {
             schema: RunStatusSchema::V1,
@@ -154,6 +167,13 @@ impl Board {
     }
 }
 
+impl Entries {
+    /// How long there was nothing to do so far.
+    fn rested(&self) -> Duration {
+        self.rested + self.resting.map(|since| since.elapsed()).unwrap_or_default()
+    }
+}
+
 /// Tells others how far the run of `context` is, again and again, until `ended`. That they cannot be told costs a warning.
 pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
     let out = &context.out;
@@ -171,23 +191,29 @@ pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
             return;
         }
     };
-    let mut state = RunState::Running;
     let line = StatusLine::show();
-    while state == RunState::Running {
-        if ended.is_cancelled() {
-            let stopped = context.cancel.is_cancelled();
-            state = if stopped { RunState::Interrupted } else { RunState::Finished };
-        }
+    loop {
+        let state = match (ended.is_cancelled(), context.cancel.is_cancelled()) {
+            (false, _) => RunState::Running,
+            (true, true) => RunState::Interrupted,
+            (true, false) => RunState::Finished,
+        };
         let (file, status) = (file.clone(), context.board.status(state));
-        line.says(&status);
         let written = tokio::task::spawn_blocking(move || file.write(&status)).await;
         if let Ok(Err(error)) = written {
             tracing::warn!("`chladni status` will not know how far this run is: {error}");
             return;
         }
-        tokio::select! {
-            () = ended.cancelled() => {}
-            () = tokio::time::sleep(EVERY) => {}
+        if state != RunState::Running {
+            return;
+        }
+        let next = Instant::now() + EVERY;
+        while Instant::now() < next && !ended.is_cancelled() {
+            line.says(&context.board.status(RunState::Running));
+            tokio::select! {
+                () = ended.cancelled() => {}
+                () = tokio::time::sleep(EVERY_LINE) => {}
+            }
         }
     }
 }
@@ -214,4 +240,24 @@ impl StatusLine {
 
 fn unix_now() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_without_work_does_not_count() {
+        let board = Board::new(2);
+        board.begins(0, "a");
+        board.ends(0, "a", Some(Status::Verified));
+        board.rests();
+        std::thread::sleep(Duration::from_millis(400));
+        board.begins(1, "b");
+        let status = board.status(RunState::Running);
+        assert!(status.per_hour > 2.0 * 3600.0 / 0.4, "{status:?}");
+        assert_eq!((status.verified, status.waiting, status.under_way.len()), (1, 0, 1));
+        let line = status.line();
+        assert!(line.starts_with("1 of 2 meshes done") && line.ends_with("b: ingest"), "{line}");
+    }
 }

@@ -3,16 +3,15 @@
 use std::path::Path;
 use std::time::Instant;
 
-use ignore::WalkBuilder;
 use serde_json::json;
 
+use super::Failure;
 use super::candidates::{Grown, Origin};
 use super::context::Context;
 use super::ingest::Loaded;
 use super::predict::Predicted;
 use super::train::TrainedBlock;
 use super::verify::{Deviations, Verified};
-use super::{Failure, intake};
 use crate::flow::events::How;
 use crate::mesh::Area;
 use crate::operators::mass::row_sums;
@@ -192,11 +191,17 @@ pub fn remove_results(out: &Path, name: &str) -> Result<(), PublishError> {
     Ok(())
 }
 
-/// The names of all meshes that have results in the output folder `out`.
-pub fn published(out: &Path) -> Vec<String> {
-    let files = WalkBuilder::new(out).standard_filters(false).build().filter_map(Result::ok);
-    let results = files.filter(|entry| entry.file_name() == SPECTRUM);
-    results.filter_map(|entry| Some(intake::name_of(out, entry.path().parent()?))).collect()
+/// Removes the results of a mesh that is called `to` now; the recipe that was found for it goes along.
+///
+/// # Errors
+/// When the system refuses.
+pub fn rename_results(out: &Path, from: &str, to: &str) -> Result<(), PublishError> {
+    let [old, new] = [from, to].map(|name| out.join(name).join(RECIPE));
+    // Where there is none, or there it cannot go, nothing is lost that was not computed for this name.
+    if old.exists() && !new.exists() && std::fs::rename(&old, &new).is_err() {
+        return Ok(());
+    }
+    remove_results(out, from)
 }
 
 /// The document of a verified mesh.

@@ -167,7 +167,9 @@ impl Hints {
         let mut watcher = new_debouncer(GATHERED, None, listen).map_err(refused)?;
         watcher.watch(folder, RecursiveMode::Recursive).map_err(refused)?;
         // Its folder, since a save may put another file in its place; where that cannot be watched, a look now and then does.
-        if let Some(around) = beside.and_then(Path::parent)
+        // What is below the folder is listened to already, and would be anew, without what is below that.
+        if let Some(around) =
+            beside.and_then(Path::parent).filter(|around| !around.starts_with(folder))
             && let Err(error) = watcher.watch(around, RecursiveMode::NonRecursive)
         {
             tracing::debug!("{}: {error}", around.display());

@@ -55,6 +55,12 @@ struct Retry {
 }
 
 impl Settling {
+    /// These files were known before the first look: those that it and another do not find are gone.
+    pub fn remembers(&mut self, now: Instant, paths: impl IntoIterator<Item = PathBuf>) {
+        let missing = || State::Missing { since: now, was_known: true };
+        self.files.extend(paths.into_iter().map(|path| (path, missing())));
+    }
+
     /// Takes note of a look at all files, and returns what has become of them since.
     pub fn look(&mut self, now: Instant, seen: BTreeMap<PathBuf, Stamp>) -> Vec<Change> {
         let mut changes = Vec::new();
@@ -262,6 +268,16 @@ mod tests {
         assert_eq!(told.look(800, &[("a", "2"), ("c", "1")]), ["~c"]);
         assert_eq!(told.look(850, &[("a", "2")]), NOTHING);
         assert_eq!(told.look(1200, &[("a", "2")]), NOTHING);
+    }
+
+    #[test]
+    fn what_was_known_before_is_gone_when_two_looks_do_not_find_it() {
+        let mut told = Told::new();
+        told.settling.remembers(told.start, ["a", "b"].map(PathBuf::from));
+        assert_eq!(told.look(10, &[("b", "1")]), ["~b"]);
+        assert!(!told.settling.is_quiet());
+        assert_eq!(told.look(150, &[("b", "1")]), ["-a", "b"]);
+        assert!(told.settling.is_quiet());
     }
 
     #[test]

@@ -117,6 +117,26 @@ fn a_rename_takes_the_results_along_and_a_deletion_keeps_or_removes_them() {
 }
 
 #[test]
+fn a_copy_that_stays_is_no_rename_and_a_recipe_goes_along_with_one() {
+    let watched = Watched::start(Workspace::new(FEM), &[]);
+    watched.save("copy.obj", &icosphere(2));
+    watched.until_idle();
+    let recipe = |name: &str| watched.workspace.path("out").join(name).join("recipe.toml");
+    std::fs::write(recipe("sphere.obj"), "# found").unwrap();
+    // One of two with the same content goes, while the other is saved again.
+    std::fs::remove_file(watched.mesh("copy.obj")).unwrap();
+    watched.save("sphere.obj", &icosphere(2));
+    let said = watched.until_idle();
+    let deleted = Happened::Deleted { path: "copy.obj".into(), results_kept: true };
+    assert!(said.contains(&deleted), "{said:#?}");
+    assert!(watched.workspace.path("out/copy.obj/spectrum.json").exists());
+    std::fs::rename(watched.mesh("sphere.obj"), watched.mesh("ball.obj")).unwrap();
+    watched.until(|happened| matches!(happened, Happened::Moved { .. }));
+    watched.until_idle();
+    assert!(recipe("ball.obj").exists() && !recipe("sphere.obj").exists());
+}
+
+#[test]
 fn the_bin_of_a_gltf_belongs_to_it_and_links_and_ignored_files_are_what_they_are() {
     let workspace = Workspace::new(FEM);
     workspace.write("meshes/.chladniignore", "*_lod?.obj\n");

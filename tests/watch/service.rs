@@ -68,9 +68,12 @@ fn what_was_deleted_while_nobody_watched_is_found_missing() {
     let sphere = workspace.path("meshes/sphere.obj");
     let elsewhere = workspace.path("sphere.obj");
     std::fs::rename(&sphere, &elsewhere).unwrap();
-    let (_, said) = once(&workspace);
-    assert!(matches!(said[..], [Happened::Watching { meshes: 0, .. }, Happened::Idle { .. }]));
-    assert!(workspace.path("out/sphere.obj/spectrum.json").exists());
+    // However often this folder is watched, they are not its own.
+    for _ in 0..2 {
+        let (_, said) = once(&workspace);
+        assert!(matches!(said[..], [Happened::Watching { meshes: 0, .. }, Happened::Idle { .. }]));
+        assert!(workspace.path("out/sphere.obj/spectrum.json").exists());
+    }
 
     std::fs::rename(&elsewhere, &sphere).unwrap();
     assert_eq!(names_of_done(&once(&workspace).1), ["sphere.obj"]);

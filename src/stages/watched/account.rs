@@ -1,7 +1,7 @@
 //! Which meshes a folder has, what became of each, and what is said of that.
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -76,13 +76,6 @@ impl<'t> Account<'t> {
         self.ended
     }
 
-    /// Meshes with results from an earlier watch that are gone: they were deleted since.
-    pub fn were_deleted(&mut self, names: impl IntoIterator<Item = String>) {
-        if self.removes {
-            names.into_iter().for_each(|name| self.is_deleted(name));
-        }
-    }
-
     /// A mesh is changing; one of the first look has always been there.
     pub fn moves(&mut self, name: String, is_first: bool) {
         if is_first {
@@ -140,11 +133,16 @@ impl<'t> Account<'t> {
     /// A mesh is done that was ready with this stamp.
     pub fn is_done(&mut self, job: &Job, stamp: &Stamp, report: &MeshReport) {
         self.ended.meshes.insert(job.name.clone(), report.status);
+        let before = self.known.get(&job.name).and_then(|known| known.hash);
         if let Some(known) = self.known.get_mut(&job.name) {
             (known.hash, known.complaint) = (report.hash, None);
         }
-        if let Some(from) = report.hash.and_then(|hash| self.departed.claim(&hash)) {
-            self.remove_results(&from);
+        // What was there before did not come from elsewhere.
+        let is_new = |hash: &MeshHash| Some(*hash) != before;
+        if let Some(from) = report.hash.filter(is_new).and_then(|hash| self.departed.claim(&hash)) {
+            if let Err(error) = publish::rename_results(&self.out, &from, &job.name) {
+                tracing::warn!("the results of {from} could not be removed: {error}");
+            }
             self.say(&Happened::Moved { from, path: job.name.clone() });
         }
         let seconds = self.since_saved(stamp).map_or(report.seconds, |since| since.as_secs_f64());
@@ -169,6 +167,12 @@ impl<'t> Account<'t> {
     pub fn say(&self, happened: &Happened) {
         self.has_spoken.set(true);
         (self.tell)(happened);
+    }
+
+    /// The meshes that have results.
+    pub fn published(&self) -> BTreeSet<String> {
+        let done = self.known.iter().filter(|(_, known)| known.hash.is_some());
+        done.map(|(name, _)| name.clone()).collect()
     }
 
     /// Says that everything is current, and whether that was news: a file that cannot be read is tried again and again.

@@ -11,7 +11,7 @@ mod account;
 mod desk;
 mod scan;
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -30,12 +30,11 @@ use super::context::Context;
 use super::intake::{self, Job};
 use super::line::{Line, failed};
 use super::predict::GivenModel;
-use super::publish::published;
 use super::{Failure, retention};
 use crate::flow::{EventSink, Outcome};
 use crate::pipeline::{OnDelete, Pipeline};
+use crate::publish::kept_current::KeptCurrent;
 use crate::publish::report::{MeshReport, Status};
-use crate::publish::status;
 use crate::publish::watched::Happened;
 use crate::store::Store;
 use crate::watch::hints::{Hints, Silent};
@@ -128,6 +127,9 @@ pub enum WatchError {
     /// There is no pipeline to begin with.
     #[error("{0}")]
     Pipeline(String),
+    /// All was to be done once, and the folder cannot be searched.
+    #[error("{0}")]
+    Folder(String),
     /// The system refuses threads.
     #[error("the system refuses worker threads: {0}")]
     Threads(#[from] io::Error),
@@ -140,9 +142,11 @@ async fn listen(watch: &Watch, pipeline: Option<&Path>) -> (Hints, Option<Silent
     let pipeline = pipeline.and_then(|file| file.canonicalize().ok());
     let (folder, file, out) = (watch.folder.clone(), pipeline.clone(), watch.out.clone());
     let cache = watch.store.as_ref().and_then(|store| store.dir().canonicalize().ok());
+    // What lies above the folder is not below it.
+    let ours: Vec<PathBuf> =
+        [Some(out), cache].into_iter().flatten().filter(|own| !folder.starts_with(own)).collect();
     let counts = move |path: &Path| {
-        let is_ours =
-            path.starts_with(&out) || cache.as_ref().is_some_and(|cache| path.starts_with(cache));
+        let is_ours = ours.iter().any(|own| path.starts_with(own));
         file.as_deref() == Some(path) || (path.starts_with(&folder) && !is_ours)
     };
     Hints::of(&watch.folder, pipeline.as_deref(), counts).await
@@ -172,6 +176,9 @@ struct Begun {
     waiting: Waiting,
     is_wanted: bool,
 }
+
+/// Before a folder that could not be searched is looked at again.
+const UNREADABLE: Duration = Duration::from_secs(1);
 
 /// A scan is followed by a pause of so many times its own time.
 const PAUSE: u32 = 3;
@@ -205,7 +212,7 @@ impl House<'_> {
         let mut desk = Desk::default();
         // Under another pipeline every mesh is looked at again.
         self.account.begins(removes).for_each(|(job, stamp)| desk.put(job, stamp));
-        let mut earlier = self.of_an_earlier_watch();
+        self.remember_the_last_watch(removes);
         let cancel = self.watch.cancel.child_token();
         let context = Arc::new(self.context(pipeline, model, cancel.clone()));
         let told = CancellationToken::new();
@@ -223,11 +230,20 @@ impl House<'_> {
             {
                 looked = Instant::now();
                 if let Some(next) = self.pipeline_changed(source) {
-                    break next;
+                    break Ok(next);
                 }
                 let is_first = self.silent.is_some();
-                let (changes, is_news) = self.look().await?;
+                let looked_at = self.look().await?;
                 pause_until = Instant::now() + PAUSE * looked.elapsed();
+                let Some((changes, is_news)) = looked_at else {
+                    // Nothing is known of it until it can be searched again.
+                    if self.watch.once {
+                        break Err(WatchError::Folder(self.complaint.take().unwrap_or_default()));
+                    }
+                    pause_until += UNREADABLE;
+                    look = Some(Look::Regular);
+                    continue;
+                };
                 if is_news && why == Look::Regular && !is_first {
                     self.hints.missed_something();
                 }
@@ -236,21 +252,21 @@ impl House<'_> {
                     let (folder, meshes) = (self.folder(), self.seen.len());
                     let polled = silent.map(|silent| silent.to_string());
                     self.account.say(&Happened::Watching { folder, meshes, polled });
-                    let there: HashSet<_> =
-                        self.seen.keys().map(|file| self.name_of(file)).collect();
-                    earlier.retain(|name| !there.contains(name));
-                    self.account.were_deleted(std::mem::take(&mut earlier));
                 }
                 for change in changes {
                     self.take_note(change, is_first, &context, &mut desk, &mut begun);
                 }
             }
-            let all_is_read = desk.is_empty() && begun.is_empty() && self.settling.is_quiet();
+            let all_is_read = self.silent.is_none()
+                && desk.is_empty()
+                && begun.is_empty()
+                && self.settling.is_quiet();
             self.account.settle_departed(Instant::now(), all_is_read);
             if all_is_read {
+                context.board.rests();
                 self.is_current().await;
                 if self.watch.once {
-                    break Next::End;
+                    break Ok(Next::End);
                 }
             }
             let looks =
@@ -258,7 +274,7 @@ impl House<'_> {
             let due = looks.chain(self.account.due()).min();
             tokio::select! {
                 biased;
-                () = self.watch.cancel.cancelled() => break Next::End,
+                () = self.watch.cancel.cancelled() => break Ok(Next::End),
                 Some(outcome) = outcomes.recv() => {
                     self.settle(outcome, &context, &mut desk, &mut begun);
                 }
@@ -287,14 +303,28 @@ impl House<'_> {
         line.end().await;
         told.cancel();
         drop(teller.await);
-        Ok(next)
+        if self.silent.is_none() {
+            self.leave_word().await;
+        }
+        next
     }
 
-    /// The names of all results that an earlier watch of this folder has left, before this one begins; none afterwards.
-    fn of_an_earlier_watch(&self) -> Vec<String> {
-        let last = status::read(&self.watch.out).ok().flatten().filter(|_| self.silent.is_some());
-        let is_ours = last.is_some_and(|last| last.watches.as_deref() == Some(&*self.folder()));
-        if is_ours { published(&self.watch.out) } else { Vec::new() }
+    /// Before the first look: where results go with their meshes, those of the last watch of this folder are remembered.
+    fn remember_the_last_watch(&mut self, removes: bool) {
+        let Watch { out, folder, .. } = &self.watch;
+        if removes && self.silent.is_some() {
+            let last = KeptCurrent::last(out, folder).into_iter();
+            self.settling.remembers(Instant::now(), last.map(|name| folder.join(name)));
+        }
+    }
+
+    /// Leaves word to the next watch of which meshes have results.
+    async fn leave_word(&self) {
+        let list = KeptCurrent::of(&self.watch.folder, self.account.published());
+        let out = self.watch.out.clone();
+        if let Ok(Err(error)) = tokio::task::spawn_blocking(move || list.write(&out)).await {
+            tracing::warn!("the next watch will not know what was deleted before it: {error}");
+        }
     }
 
     fn name_of(&self, source: &Path) -> String {
@@ -323,8 +353,9 @@ impl House<'_> {
         }
     }
 
-    /// What the files of the folder have become, and whether anything is not as it was at the last look.
-    async fn look(&mut self) -> io::Result<(Vec<Change>, bool)> {
+    /// What the files of the folder have become, and whether anything is not as it was at the last look; `None` when it cannot
+    /// be searched.
+    async fn look(&mut self) -> io::Result<Option<(Vec<Change>, bool)>> {
         let (folder, before) = (self.watch.folder.clone(), self.seen.clone());
         let scanned = tokio::task::spawn_blocking(move || scan(&folder, &before)).await;
         let seen = match scanned.map_err(io::Error::other)? {
@@ -339,12 +370,12 @@ impl House<'_> {
                     tracing::warn!("{complaint}; it is looked at again");
                     self.complaint = Some(complaint);
                 }
-                return Ok((Vec::new(), false));
+                return Ok(None);
             }
         };
         let is_news = seen != self.seen;
         self.seen.clone_from(&seen);
-        Ok((self.settling.look(Instant::now(), seen), is_news))
+        Ok(Some((self.settling.look(Instant::now(), seen), is_news)))
     }
 
     /// A pipeline file that has changed, is whole, and can be used.
@@ -456,6 +487,7 @@ impl House<'_> {
         if !self.account.is_current() {
             return;
         }
+        self.leave_word().await;
         let Some(store) = self.watch.store.clone() else { return };
         let kept = tokio::task::spawn_blocking(move || retention::keep_models(&store)).await;
         if let Ok(Err(error)) = kept {

@@ -1,6 +1,7 @@
 //! What a folder looks like now: every mesh with the stamp of its file and of those that belong to it.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::mesh::companions;
@@ -16,7 +17,12 @@ pub type Seen = BTreeMap<PathBuf, Stamp>;
 /// When the folder cannot be searched.
 pub fn scan(folder: &Path, before: &Seen) -> Result<Seen, IntakeError> {
     let look = |job: Job| {
-        let alone = Stamp::of(&job.source, Vec::new()).ok()?;
+        let alone = match Stamp::of(&job.source, Vec::new()) {
+            Ok(alone) => alone,
+            Err(error) if error.kind() == ErrorKind::NotFound => return None,
+            // It is there, and cannot be looked at: as far as anybody knows it is what it was.
+            Err(_) => return Some((job.source.clone(), before.get(&job.source)?.clone())),
+        };
         let stamp = match before.get(&job.source).filter(|before| before.is_same_file(&alone)) {
             Some(before) if before.companions().next().is_none() => alone,
             Some(before) => Stamp::of(&job.source, before.companions().cloned().collect()).ok()?,
