@@ -19,7 +19,8 @@ use super::interruption::point;
 /// Bytes per chunk; the last one of an entry may be shorter.
 pub(super) const CHUNK: usize = 2 << 10;
 
-/// How often the page of a chunk is used once more when the chunk was read or written. sled 0.34 looks for pages to evict
+/// How often the page of a whole chunk is used once more when the chunk was read or written, and that of a smaller one in
+/// proportion. sled 0.34 looks for pages to evict
 /// only when one part of its cache was used 64 times; a page of chunks is used some 50 times before it is full, and of
 /// all that was written in a while little would ever be evicted.
 const USES: usize = 16;
@@ -51,15 +52,16 @@ pub(super) fn write(tree: &Tree, key: &CacheKey, bytes: &[u8]) -> sled::Result<(
         record.extend_from_slice(chunk);
         let address = address(key, index);
         tree.insert(address, record.as_slice())?;
-        evict_others(tree, &address)?;
+        evict_others(tree, &address, chunk.len())?;
         point()?;
     }
     Ok(())
 }
 
-/// Has the database look whether it keeps more pages in memory than it should, beside that of `address`.
-fn evict_others(tree: &Tree, address: &[u8]) -> sled::Result<()> {
-    (0..USES).try_for_each(|_| tree.contains_key(address).map(drop))
+/// Has the database look whether it keeps more pages in memory than it should, beside that of `address`, where there are so many
+/// `bytes`.
+fn evict_others(tree: &Tree, address: &[u8], bytes: usize) -> sled::Result<()> {
+    (0..USES * bytes / CHUNK).try_for_each(|_| tree.contains_key(address).map(drop))
 }
 
 /// Reads the `length` bytes of `key` back, each chunk checked against its digest and for its length.
@@ -77,7 +79,7 @@ pub(super) fn read(
         let Some(record) = tree.get(address)? else {
             return Ok(Err(ChunkFault::Missing { index }));
         };
-        evict_others(tree, &address)?;
+        evict_others(tree, &address, record.len())?;
         match record.split_first_chunk::<DIGEST>() {
             Some((found, chunk))
                 if chunk.len() == wanted && *found == digest(key, index, chunk) =>
