@@ -42,7 +42,6 @@ const EPOCHS: [usize; 12] = [1, 3, 5, 10, 20, 30, 50, 75, 100, 150, 200, 250];
 /// A mesh with its operators in units of its own area.
 struct Seen {
     member: Member,
-    held: Vec<u32>,
     area: f64,
     /// The constant on a closed surface, nothing otherwise.
     known: Dense,
@@ -166,7 +165,7 @@ fn landscape(family: &[Seen], rows: ResidualRows) {
 
 fn terms_at(seen: &Seen, function: Vec<f64>, rows: ResidualRows) -> Terms {
     let n = function.len();
-    let sample = Sample::new(&seen.member, seen.held.clone(), &Dense::zeros(n, 0));
+    let sample = Sample::new(&seen.member, &Dense::zeros(n, 0));
     let z = Cpu::default().tensor_from_vec(function, (n,));
     sample.loss(z, Paper::default().weights, rows).1
 }
@@ -184,7 +183,7 @@ fn train(
         let samples: Vec<Sample> = family
             .iter()
             .zip(&earlier)
-            .map(|(s, earlier)| Sample::new(&s.member, s.held.clone(), earlier))
+            .map(|(s, earlier)| Sample::new(&s.member, earlier))
             .collect();
         let log = Log::default();
         let started = Instant::now();
@@ -231,7 +230,7 @@ fn train(
 /// λ of a prediction, 0 where it is held, and its share in FEM's eigenspaces.
 fn judged(test: &Seen, reference: &Eigenpairs, prediction: &[f64]) -> String {
     let mut u = prediction.to_vec();
-    test.held.iter().for_each(|&i| u[i as usize] = 0.0);
+    test.member.input.fixed.iter().for_each(|&i| u[i as usize] = 0.0);
     normalise(&mut u, &test.member.mass);
     let lambda = quadratic(&test.member.stiffness, &u) / test.area;
     let mut bu = vec![0.0; u.len()];
@@ -289,16 +288,13 @@ fn reference(mesh: &TriMesh, boundary: Boundary) -> Result<Eigenpairs, Box<dyn E
 fn seen(mesh: &TriMesh, boundary: Boundary) -> Result<Seen, Box<dyn Error>> {
     let operators = Operators::assemble(mesh, MassKind::Lumped)?;
     let area = operators.total_mass();
-    let member = Member {
-        input: NetworkInput::new(&coordinates(mesh, Normalise::None), &operators.adjacency),
-        stiffness: operators.stiffness,
-        mass: operators.mass.map(|b| b / area),
+    let input = NetworkInput::new(&coordinates(mesh, Normalise::None), &operators.adjacency);
+    let member = Member::whole(input, operators, boundary);
+    let known = match boundary {
+        Boundary::Neumann => Dense::from_fn(mesh.n(), 1, |_, _| 1.0),
+        Boundary::Dirichlet => Dense::zeros(mesh.n(), 0),
     };
-    let (held, known) = match boundary {
-        Boundary::Neumann => (vec![], Dense::from_fn(mesh.n(), 1, |_, _| 1.0)),
-        Boundary::Dirichlet => (operators.boundary, Dense::zeros(mesh.n(), 0)),
-    };
-    Ok(Seen { member, held, area, known })
+    Ok(Seen { member, area, known })
 }
 
 /// The corner, and the other vertices of a side at random.

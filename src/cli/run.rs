@@ -2,22 +2,29 @@
 
 use std::num::NonZeroUsize;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
+use tokio::runtime::Runtime;
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
 use super::signals::stop_on_signals;
-use super::task::{Switch, Task, given_model};
+use super::task::{Part, Task, given_model};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
 use crate::flow::events::EventFile;
-use crate::pipeline::Pipeline;
-use crate::publish::report::Status;
-use crate::publish::table::run_table;
-use crate::stages::intake;
+use crate::pipeline::sweep::Comparison;
+use crate::publish::atomic;
+use crate::publish::report::{RunReport, Status};
+use crate::publish::sweep::{CaseReport, SweepReport};
+use crate::publish::table::{run_table, summary, sweep_table};
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::weight::half_of_the_memory;
+use crate::store::Store;
+
+/// What a sweep leaves beside the results of its variants.
+const SWEEP: &str = "sweep.json";
+const SWEEP_TABLE: &str = "table.md";
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::HELP)]
@@ -65,66 +72,121 @@ pub fn seconds(text: &str) -> Result<f64, String> {
 }
 
 pub fn execute(arguments: Arguments) -> Result<Exit, Refusal> {
-    let (pipeline, jobs) = arguments.task.read()?;
+    let (comparison, parts) = arguments.task.read()?;
     if arguments.dry_run {
-        return explain::show(&arguments.task, pipeline, jobs, arguments.format, false);
+        return explain::show(&arguments.task, parts, arguments.format, false);
     }
-    let out = &arguments.task.out;
-    std::fs::create_dir_all(out)
-        .and_then(|()| EventFile::append(&out.join("events.jsonl")))
-        .map_err(|error| {
-            Refusal::usage(format!(
-                "{}: results cannot be written there ({error}); choose another folder with --out",
-                out.display()
-            ))
-        })
-        .and_then(|events| start(&arguments, pipeline, jobs, events))
+    let store = cache::open_to_fill(&arguments.task.cache.dir, &arguments.limit)?;
+    let (cancel, runtime) = (CancellationToken::new(), runtime()?);
+    runtime.spawn(stop_on_signals(cancel.clone()));
+    let runner = Runner { arguments: &arguments, store, cancel, runtime };
+    let ended = match comparison {
+        None => runner.one(parts),
+        Some(comparison) => runner.sweep(&comparison, parts),
+    };
+    // The tasks are done; what is left waits for signals that no longer matter.
+    runner.runtime.shutdown_background();
+    ended
 }
 
-fn start(
-    arguments: &Arguments,
-    pipeline: Pipeline,
-    jobs: Vec<intake::Job>,
-    events: EventFile,
-) -> Result<Exit, Refusal> {
-    let store = cache::open_to_fill(&arguments.task.cache.dir, &arguments.limit)?;
-    let model = given_model(&pipeline, store.as_ref())?;
-    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let cancel = CancellationToken::new();
-    let request = Run {
-        pipeline,
-        model,
-        jobs,
-        out: arguments.task.out.clone(),
-        store,
-        workers: arguments.jobs.unwrap_or_else(cores),
-        memory: arguments.memory.map_or_else(half_of_the_memory, |size| size.as_u64()),
-        on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
-        cancel: cancel.clone(),
-        retries: arguments.retries,
-        lineage: arguments.task.laid.lineage == Switch::On,
-        time_limit: arguments.time_limit.map(Duration::from_secs_f64),
-        checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
-        events: Arc::new(events),
-    };
-    let runtime = runtime()?;
-    let ended = runtime.block_on(async {
-        tokio::spawn(stop_on_signals(cancel.clone()));
-        run(request).await
-    });
-    // The tasks are done; what is left waits for signals that no longer matter.
-    runtime.shutdown_background();
-    let Ended { report, defect } = ended.map_err(Refusal::internal)?;
-    match arguments.format {
-        Format::Json => print_json(&report)?,
-        Format::Human => print(&run_table(&report))?,
+/// What the runs of a command share.
+struct Runner<'a> {
+    arguments: &'a Arguments,
+    store: Option<Store>,
+    cancel: CancellationToken,
+    runtime: Runtime,
+}
+
+impl Runner<'_> {
+    /// The run of a file without variants.
+    fn one(&self, parts: Vec<Part>) -> Result<Exit, Refusal> {
+        let mut exits = Vec::new();
+        for part in parts {
+            let Ended { report, defect } = self.run(part)?;
+            match self.arguments.format {
+                Format::Json => print_json(&report)?,
+                Format::Human => print(&run_table(&report))?,
+            }
+            exits.push(self.exit(&report, defect));
+        }
+        Ok(Exit::gravest(exits))
     }
-    let exits = report.meshes.iter().map(|mesh| exit_of(mesh.status));
-    Ok(Exit::gravest(
-        exits
-            .chain(defect.then_some(Exit::Internal))
-            .chain(cancel.is_cancelled().then_some(Exit::Interrupted)),
-    ))
+
+    /// One run after the other, and a table that compares them. What is finished when it is told to stop is compared; the others
+    /// are missing.
+    fn sweep(&self, comparison: &Comparison, parts: Vec<Part>) -> Result<Exit, Refusal> {
+        let started = Instant::now();
+        let (count, human) = (parts.len(), self.arguments.format == Format::Human);
+        let (mut cases, mut exits) = (Vec::new(), Vec::new());
+        for (i, part) in parts.into_iter().enumerate() {
+            let (title, out) = (part.title(), part.out.display().to_string());
+            let (variant, seed) = (part.variant.clone(), part.seed);
+            let Ended { report, defect } = self.run(part)?;
+            if human {
+                print(&format!("[{}/{count}] {title}: {}", i + 1, summary(&report)))?;
+            }
+            exits.push(self.exit(&report, defect));
+            if self.cancel.is_cancelled() {
+                break;
+            }
+            let failed = report.meshes.iter().any(|mesh| mesh.status == Status::Failed);
+            cases.push(CaseReport { variant, seed, out, run: report });
+            if failed && self.arguments.fail_fast {
+                break;
+            }
+        }
+        let report = SweepReport::new(comparison, cases, started.elapsed().as_secs_f64());
+        let out = &self.arguments.task.out;
+        atomic::write(&out.join(SWEEP), &report.to_json())
+            .and_then(|()| atomic::write(&out.join(SWEEP_TABLE), report.to_markdown().as_bytes()))
+            .map_err(Refusal::usage)?;
+        match self.arguments.format {
+            Format::Json => print_json(&report)?,
+            Format::Human => print(&format!("\n{}", sweep_table(&report)))?,
+        }
+        Ok(Exit::gravest(exits))
+    }
+
+    fn run(&self, part: Part) -> Result<Ended, Refusal> {
+        let Self { arguments, store, cancel, .. } = self;
+        let lineage = arguments.task.lineage(&part);
+        let Part { pipeline, jobs, out, .. } = part;
+        let events = std::fs::create_dir_all(&out)
+            .and_then(|()| EventFile::append(&out.join("events.jsonl")))
+            .map_err(|error| {
+                Refusal::usage(format!(
+                    "{}: results cannot be written there ({error}); choose another folder with --out",
+                    out.display()
+                ))
+            })?;
+        let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+        let request = Run {
+            model: given_model(&pipeline, store.as_ref())?,
+            pipeline,
+            jobs,
+            out,
+            store: store.clone(),
+            workers: arguments.jobs.unwrap_or_else(cores),
+            memory: arguments.memory.map_or_else(half_of_the_memory, |size| size.as_u64()),
+            on_failure: if arguments.fail_fast { OnFailure::Stop } else { OnFailure::GoOn },
+            cancel: cancel.clone(),
+            retries: arguments.retries,
+            lineage,
+            time_limit: arguments.time_limit.map(Duration::from_secs_f64),
+            checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
+            events: Arc::new(events),
+        };
+        self.runtime.block_on(run(request)).map_err(Refusal::internal)
+    }
+
+    fn exit(&self, report: &RunReport, defect: bool) -> Exit {
+        let exits = report.meshes.iter().map(|mesh| exit_of(mesh.status));
+        Exit::gravest(
+            exits
+                .chain(defect.then_some(Exit::Internal))
+                .chain(self.cancel.is_cancelled().then_some(Exit::Interrupted)),
+        )
+    }
 }
 
 /// What a mesh that has ended so means for the exit code.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::model::given_by_name;
 use super::{CacheLocation, Refusal};
 use crate::ggnn::Model;
+use crate::pipeline::sweep::{Case, Comparison, Effort, Sweep};
 use crate::pipeline::{Method, Pipeline, Train, is_model_file};
 use crate::stages::intake::{self, Job};
 use crate::stages::predict::GivenModel;
@@ -15,6 +16,12 @@ use crate::store::Store;
 pub struct Task {
     /// The pipeline file
     pub pipeline: PathBuf,
+    /// Of a file with variants only these, by their names
+    #[arg(long, value_name = "NAME")]
+    pub variant: Vec<String>,
+    /// Lay what is under [quick] in the file over it, and take one seed of every variant: a rehearsal
+    #[arg(long)]
+    pub quick: bool,
     /// Meshes or folders, in place of the pipeline's own
     #[arg(long, value_name = "PATH")]
     pub input: Vec<PathBuf>,
@@ -51,13 +58,54 @@ pub enum Switch {
     Off,
 }
 
+/// A pipeline with its meshes.
+#[derive(Debug)]
+pub struct Part {
+    /// The variant that it is, with its seed; empty for a file without variants.
+    pub variant: String,
+    /// See `variant`.
+    pub seed: u64,
+    /// What to compute, with what is laid over it.
+    pub pipeline: Pipeline,
+    /// For which meshes.
+    pub jobs: Vec<Job>,
+    /// Where results go.
+    pub out: PathBuf,
+}
+
 impl Task {
-    /// The pipeline with what is laid over it, and the meshes.
+    /// The pipelines of the file with their meshes: one, or the variants that are compared.
     ///
     /// # Errors
     /// What the user has to mend in either.
-    pub fn read(&self) -> Result<(Pipeline, Vec<Job>), Refusal> {
-        let pipeline = Pipeline::load(&self.pipeline, &self.laid.set).map_err(Refusal::usage)?;
+    pub fn read(&self) -> Result<(Option<Comparison>, Vec<Part>), Refusal> {
+        let effort = if self.quick { Effort::Quick } else { Effort::Full };
+        let sweep = Sweep::load(&self.pipeline, &self.laid.set, effort).map_err(Refusal::usage)?;
+        let Sweep { comparison, mut cases } = sweep;
+        for name in &self.variant {
+            if cases.iter().all(|case| case.variant != *name) {
+                let names = cases.iter().map(|case| format!("{:?}", case.variant));
+                let names: Vec<String> = names.filter(|name| name != "\"\"").collect();
+                let known = if names.is_empty() { "no variants".into() } else { names.join(", ") };
+                return Err(Refusal::usage(format!(
+                    "--variant {name:?}: {} has {known}",
+                    self.pipeline.display()
+                )));
+            }
+        }
+        cases.retain(|case| self.variant.is_empty() || self.variant.contains(&case.variant));
+        let parts = cases.into_iter().map(|case| self.part(case));
+        Ok((comparison, parts.collect::<Result<_, _>>()?))
+    }
+
+    /// Whether a mesh may begin with the blocks of its previous version. What is compared with others begins with nothing.
+    pub fn lineage(&self, part: &Part) -> bool {
+        part.variant.is_empty() && self.laid.lineage == Switch::On
+    }
+
+    fn part(&self, case: Case) -> Result<Part, Refusal> {
+        let out = self.out.join(case.folder());
+        let Case { variant, seed, pipeline } = case;
         let inputs = if self.input.is_empty() {
             let folder = self.out.join(GENERATED);
             let made = intake::generate(&pipeline.input.generate, &folder);
@@ -66,7 +114,14 @@ impl Task {
             self.input.clone()
         };
         let jobs = intake::jobs(&inputs).map_err(Refusal::usage)?;
-        Ok((pipeline, jobs))
+        Ok(Part { variant, seed, pipeline, jobs, out })
+    }
+}
+
+impl Part {
+    /// What it is called beside others.
+    pub fn title(&self) -> String {
+        format!("{}, seed {}", self.variant, self.seed)
     }
 }
 

@@ -168,7 +168,7 @@ mod tests {
         let members = members();
         let earlier = constants(&members);
         let samples = members.iter().zip(&earlier);
-        let samples: Vec<_> = samples.map(|(m, e)| paper::Sample::new(m, vec![], e)).collect();
+        let samples: Vec<_> = samples.map(|(m, e)| paper::Sample::new(m, e)).collect();
         let recipe = Paper { shape: SHAPE, epochs: 9, batch: 2, ..Paper::default() };
         let expected = train_block(&samples, &recipe, 7, &Silent).unwrap();
         // Three batches an epoch: after its last one, its first, its second.

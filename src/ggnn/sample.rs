@@ -62,6 +62,17 @@ impl Member {
     }
 }
 
+impl Member {
+    /// The same for recipe `paper`, whose loss asks for Dirichlet conditions by (24): the operators stay whole. What the
+    /// network predicts has zeros on the boundary all the same.
+    pub fn whole(input: NetworkInput, operators: Operators, boundary: Boundary) -> Self {
+        let total = operators.total_mass();
+        let input = input.with_zeros_at(boundary.fixed(&operators.boundary));
+        let Operators { stiffness, mass, .. } = operators;
+        Self { input, stiffness, mass: mass.map(|b| b / total) }
+    }
+}
+
 /// The matrix without the rows and columns of fixed vertices; what stands on their diagonal is multiplied by `kept`.
 fn inner(matrix: &Sparse, fixed: &[bool], kept: f64) -> Sparse {
     let mut matrix = matrix.clone();

@@ -7,11 +7,11 @@ use super::{
 };
 use crate::ggnn::network::Layer;
 use crate::ggnn::recipe::Trunks;
-use crate::operators::{Boundary, Laplacian, OperatorOptions};
+use crate::operators::{Laplacian, OperatorOptions};
 use crate::remesh::{FamilyRecipe, Operation, Resolution};
 
 /// Options that only one recipe reads.
-const RITZ_ONLY: [&str; 9] = [
+const RITZ_ONLY: [&str; 10] = [
     "train.trunk",
     "train.steps",
     "train.ridge",
@@ -21,6 +21,7 @@ const RITZ_ONLY: [&str; 9] = [
     "train.held_out",
     "train.tune",
     "train.fine_tune",
+    "train.boundary_penalty",
 ];
 
 /// Options that only a shared trunk reads.
@@ -199,7 +200,7 @@ impl Pipeline {
     }
 
     fn check_operators(&self) -> Result<(), PipelineError> {
-        let OperatorOptions { laplacian, mass, robust: _, boundary } = self.operators;
+        let OperatorOptions { laplacian, mass, robust: _, boundary: _ } = self.operators;
         if let (Some(mass), Err(_)) = (mass, self.operators.mass_kind()) {
             let rule = "\"degree\" belongs to the graph Laplacian, and the other masses to the others; \"auto\" always fits";
             return Err(PipelineError::Value {
@@ -210,12 +211,6 @@ impl Pipeline {
         }
         if matches!(self.train.method, Method::Fem | Method::Mpgd) {
             return Ok(());
-        }
-        let by_paper = self.train.recipe == RecipeName::Paper;
-        if by_paper && self.train.method == Method::LepDpinn && boundary == Boundary::Dirichlet {
-            let rule = "is not wired to train.recipe = \"paper\" yet; train by \"ritz\"";
-            let value = boundary.name().into();
-            return Err(PipelineError::Value { key: "operators.boundary", value, rule });
         }
         if laplacian == Laplacian::Graph {
             let rule = "cannot be trained: its spectrum belongs to the sampling of a mesh, which every variant changes; choose \"cotangent\" or \"fem\"";

@@ -33,6 +33,14 @@ pub enum PipelineError {
     /// `--set` without `=`.
     #[error("--set {argument}: write KEY=VALUE, for example --set train.k=10")]
     Assignment { argument: String },
+    /// A file with variants where one pipeline is wanted.
+    #[error(
+        "{path}: [{section}] belongs to a sweep over variants of a pipeline, which `chladni run` and `chladni explain` alone go through"
+    )]
+    Sweep { path: String, section: String },
+    /// A variant of a sweep cannot be run.
+    #[error("variant {variant:?}: {source}")]
+    InVariant { variant: String, source: Box<PipelineError> },
     /// A value that cannot work.
     #[error("{key} = {value}: {rule}")]
     Value { key: &'static str, value: String, rule: &'static str },

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
+use super::sweep::SECTIONS;
 use super::{Pipeline, PipelineError, recipe_file};
 use crate::ggnn::features::Normalise;
 use crate::ggnn::paper::Paper;
@@ -21,15 +22,8 @@ impl Pipeline {
     /// [`PipelineError`].
     pub fn load(path: &Path, assignments: &[String]) -> Result<Self, PipelineError> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| PipelineError::Unreadable { path: name.clone(), reason: e.to_string() })?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut pipeline = Self::read(&name, &text, assignments, folder)?;
-        pipeline.input.paths.iter_mut().for_each(|p| *p = folder.join(&*p));
-        if is_model_file(&pipeline.train.model) {
-            pipeline.train.model = folder.join(&pipeline.train.model).display().to_string();
-        }
-        Ok(pipeline)
+        finish(&name, options(&name, &text(path)?)?, assignments, folder)
     }
 
     /// Parses the text of a pipeline file; `name` is for messages. A recipe file that it names is taken to be relative to the
@@ -38,31 +32,45 @@ impl Pipeline {
     /// # Errors
     /// [`PipelineError`].
     pub fn parse(name: &str, text: &str, assignments: &[String]) -> Result<Self, PipelineError> {
-        Self::read(name, text, assignments, Path::new(""))
+        finish(name, options(name, text)?, assignments, Path::new(""))
     }
+}
 
-    fn read(
-        name: &str,
-        text: &str,
-        assignments: &[String],
-        folder: &Path,
-    ) -> Result<Self, PipelineError> {
-        let mut table = options(name, text)?;
-        for argument in assignments {
-            assign(&mut table, argument)?;
-            refuse_unknown("--set", &table, &known_keys())?;
-            let place = || format!("--set {argument}");
-            table.clone().try_into::<Self>().map_err(|e| malformed(place(), &e))?;
-        }
-        let laid = recipe_file::lay_under(&mut table, folder)?;
-        lay_recipe_under(&mut table);
-        let pipeline: Self = table.try_into().map_err(|e| malformed(name.to_string(), &e))?;
-        match (pipeline.check(), laid) {
-            (Ok(()), _) => Ok(pipeline),
-            (Err(error), None) => Err(error),
-            (Err(error), Some(laid)) => Err(laid.blamed(error)),
-        }
+/// The text of a pipeline file.
+pub(super) fn text(path: &Path) -> Result<String, PipelineError> {
+    std::fs::read_to_string(path).map_err(|e| PipelineError::Unreadable {
+        path: path.display().to_string(),
+        reason: e.to_string(),
+    })
+}
+
+/// The pipeline of these options with `assignments` laid over them; a recipe file and the defaults of the recipe under them. Paths
+/// that are relative to `folder` become relative to the current directory.
+pub(super) fn finish(
+    name: &str,
+    mut table: Table,
+    assignments: &[String],
+    folder: &Path,
+) -> Result<Pipeline, PipelineError> {
+    for argument in assignments {
+        assign(&mut table, argument)?;
+        refuse_unknown("--set", &table, &known_keys())?;
+        let place = || format!("--set {argument}");
+        table.clone().try_into::<Pipeline>().map_err(|e| malformed(place(), &e))?;
     }
+    let laid = recipe_file::lay_under(&mut table, folder)?;
+    lay_recipe_under(&mut table);
+    let mut pipeline: Pipeline = table.try_into().map_err(|e| malformed(name.to_string(), &e))?;
+    match (pipeline.check(), laid) {
+        (Ok(()), _) => {}
+        (Err(error), None) => return Err(error),
+        (Err(error), Some(laid)) => return Err(laid.blamed(error)),
+    }
+    pipeline.input.paths.iter_mut().for_each(|p| *p = folder.join(&*p));
+    if is_model_file(&pipeline.train.model) {
+        pipeline.train.model = folder.join(&pipeline.train.model).display().to_string();
+    }
+    Ok(pipeline)
 }
 
 /// The ending of model files.
@@ -75,11 +83,34 @@ pub fn is_model_file(model: &str) -> bool {
 
 /// The options that a text sets, all of them known; `name` is for messages.
 pub(super) fn options(name: &str, text: &str) -> Result<Table, PipelineError> {
+    let (table, besides) = options_and(name, text, &SECTIONS)?;
+    match besides.keys().next() {
+        None => Ok(table),
+        Some(section) => Err(PipelineError::Sweep { path: name.into(), section: section.clone() }),
+    }
+}
+
+/// The options that a text sets, all of them known, and its sections called `besides`; `name` is for messages.
+pub(super) fn options_and(
+    name: &str,
+    text: &str,
+    besides: &[&str],
+) -> Result<(Table, Table), PipelineError> {
     // Parsed as a pipeline first: the errors then carry line and column.
     let parsed = toml::from_str::<Pipeline>(text).and_then(|_| text.parse());
-    let table: Table = parsed.map_err(|e| malformed(name.to_string(), &e))?;
+    let mut table: Table = parsed.map_err(|e| malformed(name.to_string(), &e))?;
+    let besides =
+        besides.iter().filter_map(|&section| Some((section.into(), table.remove(section)?)));
+    let besides = besides.collect();
     refuse_unknown(name, &table, &known_keys())?;
-    Ok(table)
+    Ok((table, besides))
+}
+
+/// Whether these are options of a pipeline, with values of their types; `place` is for messages.
+pub(super) fn check_options(place: &str, table: &Table) -> Result<(), PipelineError> {
+    refuse_unknown(place, table, &known_keys())?;
+    let typed = table.clone().try_into::<Pipeline>();
+    typed.map(drop).map_err(|e| malformed(place.to_string(), &e))
 }
 
 fn malformed(path: String, error: &toml::de::Error) -> PipelineError {

@@ -4,6 +4,7 @@
 //! - `file`: from a file's text, the recipe's defaults and `--set` to a [`Pipeline`]
 //! - `recipe_file`: options of `[train]` in a file of their own, which a search leaves
 //! - `check`: which values can work, alone and together
+//! - `sweep`: a file with variants of a pipeline, which are compared
 //! - `error`: why a pipeline cannot be run
 
 mod check;
@@ -11,6 +12,7 @@ mod error;
 mod file;
 mod mpgd_step;
 mod recipe_file;
+pub mod sweep;
 mod train;
 mod verify;
 

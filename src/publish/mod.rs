@@ -9,6 +9,7 @@
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
 //! - [`plan`]: what a run would do, and why
 //! - [`status`]: how far a run is, for other processes
+//! - [`sweep`]: variants of a pipeline beside one another
 //! - [`table`]: a run for the terminal
 //! - [`watched`]: what happens in a watched folder
 //! - [`atomic`]: bytes into files that are whole at any time
@@ -23,6 +24,7 @@ pub mod ply;
 pub mod report;
 pub mod result;
 pub mod status;
+pub mod sweep;
 pub mod table;
 pub mod watched;
 

@@ -26,6 +26,42 @@ pub struct RunPlan {
     pub meshes: Vec<PlannedMesh>,
 }
 
+/// What a run over a file with variants would do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SweepPlan {
+    /// The format.
+    pub schema: SweepPlanSchema,
+    /// One entry a variant and seed, in the order of the run.
+    pub cases: Vec<PlannedCase>,
+}
+
+/// The format of a [`SweepPlan`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum SweepPlanSchema {
+    /// The one that [`SweepPlan`] describes.
+    #[default]
+    #[serde(rename = "chladni-sweep-plan-1")]
+    V1,
+}
+
+/// What would be done for a variant with one seed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlannedCase {
+    /// The name of the variant; empty for a file without variants.
+    pub variant: String,
+    /// `train.seed`.
+    pub seed: u64,
+    /// What would be done.
+    pub plan: RunPlan,
+}
+
+impl SweepPlan {
+    /// The plan of these cases.
+    pub fn new(cases: Vec<PlannedCase>) -> Self {
+        Self { schema: SweepPlanSchema::V1, cases }
+    }
+}
+
 /// What a run would do for one mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlannedMesh {

@@ -9,6 +9,7 @@ use comfy_table::{CellAlignment, LineStyle, Table};
 
 use super::report::{MeshReport, PairReport, RunReport, Status};
 use super::result::{Ancestor, Completeness, Eigenpair, Source};
+use super::sweep::{self, SweepReport};
 use crate::spectrum::mpgd::StoppedBy;
 
 /// Digits of a hash that the table shows.
@@ -215,7 +216,31 @@ fn completeness(counted: &Completeness) -> String {
     format!("{verdict}: {} below σ = {sigma}, {found} found", counted_noun(*count, "eigenvalue"))
 }
 
-fn summary(report: &RunReport) -> String {
+/// A sweep: the rows of its table, then one line.
+pub fn sweep_table(report: &SweepReport) -> String {
+    let mut table = Table::new();
+    table.load_style(NOTHING.header_separator(LineStyle::none().fill('─').junction('─')));
+    table.set_header(sweep::HEADER);
+    let mut last = None;
+    for row in &report.table {
+        let mut cells = row.cells().map(|cell| printable(&cell));
+        if last.replace(&row.variant) == Some(&row.variant) {
+            cells[0].clear();
+        }
+        table.add_row(cells);
+    }
+    for (i, shown) in table.column_iter_mut().enumerate() {
+        let is_number = (2..6).contains(&i);
+        let alignment = if is_number { CellAlignment::Right } else { CellAlignment::Left };
+        shown.set_cell_alignment(alignment);
+        shown.set_padding((0, 2));
+    }
+    let runs = counted_noun(report.cases.len(), "run");
+    format!("{}\n{}\n{runs}; {}\n", report.title, table.trim_fmt(), duration(report.seconds))
+}
+
+/// What became of the meshes of a run, in one line.
+pub fn summary(report: &RunReport) -> String {
     let with = |status| report.meshes.iter().filter(|mesh| mesh.status == status).count();
     let sum = |of: fn(&MeshReport) -> usize| report.meshes.iter().map(of).sum::<usize>();
     let meshes = match report.meshes.len() {

@@ -17,6 +17,7 @@ use crate::mesh::TriMesh;
 use crate::mesh::closest::ClosestPoint;
 use crate::mesh::topology::component_labels;
 use crate::operators::{Boundary, OperatorOptions, Operators};
+use crate::pipeline::RecipeName;
 use crate::remesh::{Family, refined};
 use crate::spectrum::Dense;
 use crate::spectrum::nullspace::free_nullspace;
@@ -36,6 +37,8 @@ pub struct TrainingSet {
     pub surface: Arc<Surface>,
     options: FeatureOptions,
     boundary: Boundary,
+    /// Whether Dirichlet conditions are built into the members, or asked for by the recipe's loss.
+    recipe: RecipeName,
     /// What holds the network to 0 on a Dirichlet boundary.
     penalty: f64,
     family: Arc<Family>,
@@ -131,10 +134,14 @@ impl TrainingSet {
     }
 
     fn member(&self, mesh: &TriMesh, operators: &Operators, penalty: f64) -> (Member, Dense) {
-        let fixed = self.boundary.fixed(&operators.boundary);
+        let fixed = self.boundary.fixed(&operators.boundary).to_vec();
         let input = network_input(self.features(), mesh, operators);
-        let member = Member::new(input, operators.clone(), self.boundary, penalty);
-        let nullspace = free_nullspace(&component_labels(mesh), fixed, &member.mass);
+        let (operators, boundary) = (operators.clone(), self.boundary);
+        let member = match self.recipe {
+            RecipeName::Ritz => Member::new(input, operators, boundary, penalty),
+            RecipeName::Paper => Member::whole(input, operators, boundary),
+        };
+        let nullspace = free_nullspace(&component_labels(mesh), &fixed, &member.mass);
         (member, nullspace)
     }
 }
@@ -170,6 +177,7 @@ pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<Pre
         surface,
         options: context.pipeline.features,
         boundary: options.boundary,
+        recipe: train.recipe,
         penalty: train.boundary_penalty,
         family,
         operators,

@@ -25,7 +25,7 @@ use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::{Sample, append_predictions};
 use crate::ggnn::train::{Observer, TrainError, train_blocks, train_blocks_from, trunk_seed};
 use crate::operators::Boundary;
-use crate::pipeline::Train;
+use crate::pipeline::{RecipeName, Train};
 use crate::spectrum::Dense;
 use crate::store::{Artifact, CacheKey, Digest};
 
@@ -202,11 +202,11 @@ fn work(
     }
 }
 
-/// What holds the network to 0 on the boundary, where anything does.
+/// What holds the network to 0 on the boundary, where anything beside a recipe's own loss does.
 pub fn penalty(context: &Context, train: &Train) -> Option<f64> {
-    match context.pipeline.operators.boundary {
-        Boundary::Neumann => None,
-        Boundary::Dirichlet => Some(train.boundary_penalty),
+    match (context.pipeline.operators.boundary, train.recipe) {
+        (Boundary::Dirichlet, RecipeName::Ritz) => Some(train.boundary_penalty),
+        (Boundary::Neumann, _) | (_, RecipeName::Paper) => None,
     }
 }
 
@@ -273,8 +273,7 @@ fn trained(
             })
         }
         Recipe::Paper(recipe) => {
-            // Under the Neumann condition, the only one so far, no vertex is held.
-            let sample = |(member, earlier)| paper::Sample::new(member, vec![], earlier);
+            let sample = |(member, earlier)| paper::Sample::new(member, earlier);
             let samples: Vec<_> = members.iter().zip(&state.earlier).map(sample).collect();
             train_block(&samples, recipe, seed, &progress).map(|block| vec![block])
         }

@@ -240,19 +240,21 @@ impl Blobs {
         *unpoisoned(&self.budget) = Some(Budget { limit, live, ceiling: limit });
     }
 
-    /// The limit, where an eviction is due.
-    pub fn exceeded(&self) -> Option<u64> {
-        unpoisoned(&self.budget).filter(|budget| budget.live > budget.ceiling).map(|b| b.limit)
+    /// The limit and what the entries were counted to take, where an eviction is due.
+    pub fn exceeded(&self) -> Option<(u64, u64)> {
+        let budget = unpoisoned(&self.budget);
+        budget.filter(|budget| budget.live > budget.ceiling).map(|b| (b.limit, b.live))
     }
 
-    /// After an eviction the entries take `live` bytes. Where that is still beyond the limit, nothing more can go, and the
-    /// next eviction is due when `worth` more have come in. Whether it is so for the first time.
-    pub fn evicted_to(&self, live: u64, worth: u64) -> bool {
+    /// After an eviction that found entries of `found` bytes where `counted` were expected. What came and went since is
+    /// counted already: other threads go on writing. Where the rest is still beyond the limit, nothing more can go, and the next
+    /// eviction is due when `worth` more have come in. Whether it is so for the first time.
+    pub fn evicted(&self, found: u64, counted: u64, worth: u64) -> bool {
         let mut budget = unpoisoned(&self.budget);
         let Some(budget) = &mut *budget else { return false };
-        let (is_beyond, was_beyond) = (live > budget.limit, budget.ceiling > budget.limit);
-        budget.live = live;
-        budget.ceiling = if is_beyond { live + worth } else { budget.limit };
+        budget.live = (budget.live + found).saturating_sub(counted);
+        let (is_beyond, was_beyond) = (budget.live > budget.limit, budget.ceiling > budget.limit);
+        budget.ceiling = if is_beyond { budget.live + worth } else { budget.limit };
         is_beyond && !was_beyond
     }
 
@@ -501,21 +503,36 @@ mod tests {
     fn where_nothing_more_can_go_an_eviction_waits_until_it_is_worth_its_while() {
         let dir = tempfile::tempdir().unwrap();
         let blobs = open(dir.path());
-        blobs.limit(1000, 1500);
-        assert_eq!(blobs.exceeded(), Some(1000));
-        assert!(blobs.evicted_to(1200, 100), "pinned entries are beyond the limit: said once");
+        blobs.limit(1000, 1200);
+        assert_eq!(blobs.exceeded(), Some((1000, 1200)));
+        assert!(blobs.evicted(1200, 1200, 100), "pinned entries are beyond the limit: said once");
         for length in [60, 100] {
             assert_eq!(blobs.exceeded(), None);
             write(&blobs, &vec![0; length]);
         }
         assert_eq!(blobs.exceeded(), None, "a write in place of another");
         blobs.account(1, 0);
-        assert_eq!(blobs.exceeded(), Some(1000));
-        assert!(!blobs.evicted_to(1200, 100));
-        blobs.account(0, 400);
-        assert!(!blobs.evicted_to(800, 100));
+        assert_eq!(blobs.exceeded(), Some((1000, 1301)));
+        assert!(!blobs.evicted(1301, 1301, 100));
+        blobs.account(0, 501);
+        assert!(!blobs.evicted(1301, 1301, 100));
         blobs.account(201, 0);
-        assert_eq!(blobs.exceeded(), Some(1000), "the limit counts again");
+        assert_eq!(blobs.exceeded(), Some((1000, 1001)), "the limit counts again");
+    }
+
+    #[test]
+    fn what_comes_while_others_go_is_counted() {
+        let dir = tempfile::tempdir().unwrap();
+        let blobs = open(dir.path());
+        blobs.limit(1000, 1100);
+        let Some((_, counted)) = blobs.exceeded() else { panic!("it is beyond the limit") };
+        // Another thread writes between the look at all entries, which finds 10 bytes less, and the end of the eviction.
+        blobs.account(300, 0);
+        blobs.account(0, 200);
+        assert!(blobs.evicted(1090, counted, 100));
+        assert_eq!(blobs.exceeded(), None);
+        blobs.account(101, 0);
+        assert_eq!(blobs.exceeded(), Some((1000, 1291)));
     }
 
     #[test]

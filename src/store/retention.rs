@@ -113,12 +113,14 @@ impl Store {
 
     /// Evicts entries until they take no more than the limit leaves, if they take more than the limit.
     pub(super) fn make_room(&self) -> Result<(), StoreError> {
-        let Some(limit) = self.blobs().exceeded() else { return Ok(()) };
+        let Some((limit, counted)) = self.blobs().exceeded() else { return Ok(()) };
         let swept =
             self.evict(self.blobs().manifests()?, limit - limit / LEFT_FREE, Mode::Apply)?;
-        let entries: u64 = swept.evicted.values().map(|stage| stage.entries).sum();
+        let (entries, bytes) = swept.evicted.values().fold((0, 0), |(entries, bytes), stage| {
+            (entries + stage.entries, bytes + stage.live_bytes)
+        });
         tracing::debug!(entries, live = swept.live_bytes, "entries were evicted from the cache");
-        if self.blobs().evicted_to(swept.live_bytes, limit / LEFT_FREE) {
+        if self.blobs().evicted(swept.live_bytes + bytes, counted, limit / LEFT_FREE) {
             tracing::warn!(
                 limit,
                 live = swept.live_bytes,

@@ -45,14 +45,13 @@ pub struct Terms {
 }
 
 impl Sample {
-    /// Prepares `member`, its operators whole, for the block after the functions `earlier`, n×k. Under Dirichlet conditions
-    /// `held` are the vertices of the boundary, under Neumann conditions there are none.
-    pub fn new(member: &Member, held: Vec<u32>, earlier: &Dense) -> Self {
+    /// Prepares `member`, its operators [whole](Member::whole), for the block after the functions `earlier`, n×k.
+    pub fn new(member: &Member, earlier: &Dense) -> Self {
         Self {
             input: member.input.clone(),
             stiffness: Arc::new(member.stiffness.clone()),
             mass: Arc::new(member.mass.clone()),
-            held: Arc::new(held),
+            held: Arc::new(member.input.fixed.clone()),
             earlier: earlier.clone(),
             b_phi: Arc::new(product(&member.mass, earlier)),
         }
@@ -156,13 +155,13 @@ mod tests {
         let positions: Vec<f64> = mesh.vertices().iter().flatten().copied().collect();
         let graph = Arc::new(Graph::<f64>::new(&operators.adjacency));
         let member = Member {
-            input: NetworkInput::new(&positions, &operators.adjacency),
+            input: NetworkInput::new(&positions, &operators.adjacency).with_zeros_at(&[1, 4, 5]),
             stiffness: operators.stiffness,
             mass: operators.mass,
         };
         let n = mesh.n();
         let earlier = Dense::from_fn(n, 2, |i, j| values(n, 3 + j as u64)[i]);
-        let sample = Sample::new(&member, vec![1, 4, 5], &earlier);
+        let sample = Sample::new(&member, &earlier);
         let mut weights: Vec<Vec<f64>> = parameter_sizes(SHAPE)
             .into_iter()
             .enumerate()

@@ -172,7 +172,7 @@ mod tests {
                 stiffness: operators.stiffness,
                 mass: operators.mass.map(|b| b / area),
             };
-            Sample::new(&member, vec![], &Dense::from_fn(mesh.n(), 1, |_, _| 1.0))
+            Sample::new(&member, &Dense::from_fn(mesh.n(), 1, |_, _| 1.0))
         };
         [icosphere(1), icosphere(2), icosphere(1)].map(sample).into()
     }

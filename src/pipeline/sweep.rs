@@ -1,0 +1,466 @@
+//! A pipeline file with variants: the same pipeline several times, each with some options of its own, compared in one table.
+//!
+//! ```toml
+//! [train]
+//! k = 1
+//!
+//! [sweep]
+//! title = "How wide a trunk should be"
+//! seeds = [0, 1, 2]
+//! columns = [{ name = "error", what = "mse", k = 1 }]
+//!
+//! [[variant]]
+//! name = "narrow"
+//! train.width = 64
+//! printed = { error = 5e-6 }
+//!
+//! [[variant]]
+//! name = "wide"
+//! train.width = 256
+//!
+//! [quick]                      # laid over every variant by --quick
+//! train.steps = 5
+//! ```
+//! What is laid over what, the later over the earlier: the file's own options, the variant's, those of `[quick]` where that is
+//! asked for, the seed, `--set`. A file without variants is a sweep of one.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use super::{Pipeline, PipelineError, file};
+
+/// The sections of a file that are not a pipeline's own.
+pub(super) const SECTIONS: [&str; 3] = [SWEEP, VARIANT, QUICK];
+const SWEEP: &str = "sweep";
+const VARIANT: &str = "variant";
+const QUICK: &str = "quick";
+
+/// Pipelines that are run one after the other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// What is compared, and how it is shown; `None` for a file without variants.
+    pub comparison: Option<Comparison>,
+    /// One or more, in the order of the file, each variant with its seeds.
+    pub cases: Vec<Case>,
+}
+
+/// One pipeline of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// The variant that it belongs to; empty for a file without variants.
+    pub variant: String,
+    /// `train.seed`.
+    pub seed: u64,
+    /// The pipeline.
+    pub pipeline: Pipeline,
+}
+
+/// `[sweep]`, with what the variants say of themselves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// What the table is of.
+    pub title: String,
+    /// What is shown of every variant.
+    pub columns: Vec<Column>,
+    /// The variants, in the order of the file.
+    pub variants: Vec<Described>,
+}
+
+/// A variant as the table shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Described {
+    /// Its name.
+    pub name: String,
+    /// What somebody else found, by the name of the column.
+    pub printed: BTreeMap<String, f64>,
+}
+
+/// What is measured of a variant, from the results of its meshes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// The quantity.
+    pub what: Quantity,
+    /// Of whose eigenpairs.
+    #[serde(default)]
+    pub of: Whose,
+    /// Of which: one k, or the mean over [first, last].
+    pub k: Places,
+    /// The mean over the meshes whose name has this in it; all of them where it is empty.
+    #[serde(default)]
+    pub mesh: String,
+    /// The true value, where the quantity is no error by itself.
+    #[serde(default)]
+    pub exact: Option<f64>,
+}
+
+/// `what` of a [`Column`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quantity {
+    /// (31) against a formula, both functions of unit B-norm.
+    Mse,
+    /// (31) against a formula, both functions of unit 2-norm.
+    MseEuclidean,
+    /// The root of (31), unit B-norm; over several k the mean of the roots, as in Table 1.
+    Rmse,
+    /// The same, unit 2-norm.
+    RmseEuclidean,
+    /// The angle to the formula's eigenspace, or to FEM's where there is no formula; radians.
+    Angle,
+    /// λ.
+    Lambda,
+    /// How far λ is, relative, from the formula's, or from FEM's where there is no formula.
+    LambdaError,
+}
+
+/// `of` of a [`Column`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Whose {
+    /// The pipeline's own.
+    #[default]
+    Own,
+    /// The reference solver's, on the same mesh.
+    Fem,
+    /// M-PGD's.
+    Mpgd,
+}
+
+/// One k, or several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Places {
+    /// One.
+    One(usize),
+    /// From the first to the last.
+    Range([usize; 2]),
+}
+
+impl Places {
+    /// Whether k is among them.
+    pub fn has(self, k: usize) -> bool {
+        let (first, last) = self.ends();
+        (first..=last).contains(&k)
+    }
+
+    /// The first and the last.
+    pub fn ends(self) -> (usize, usize) {
+        match self {
+            Self::One(k) => (k, k),
+            Self::Range([first, last]) => (first, last),
+        }
+    }
+}
+
+/// Which effort a sweep is run with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Effort {
+    /// As the file says.
+    #[default]
+    Full,
+    /// With what is under `[quick]` laid over it: a rehearsal.
+    Quick,
+}
+
+/// `[sweep]`
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Section {
+    title: String,
+    seeds: Option<Vec<u64>>,
+    columns: Vec<Column>,
+}
+
+/// What stands beside the options of a `[[variant]]`.
+struct Variant {
+    name: String,
+    seeds: Option<Vec<u64>>,
+    printed: BTreeMap<String, f64>,
+    options: Table,
+}
+
+impl Sweep {
+    /// Reads a pipeline file, with or without variants, and lays `assignments` (`train.k=10`) over each. Paths become relative to
+    /// the current directory.
+    ///
+    /// # Errors
+    /// [`PipelineError`].
+    pub fn load(
+        path: &Path,
+        assignments: &[String],
+        effort: Effort,
+    ) -> Result<Self, PipelineError> {
+        let name = path.display().to_string();
+        let text = file::text(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::read(&name, &text, assignments, effort, folder)
+    }
+
+    fn read(
+        name: &str,
+        text: &str,
+        assignments: &[String],
+        effort: Effort,
+        folder: &Path,
+    ) -> Result<Self, PipelineError> {
+        let (mut own, mut besides) = file::options_and(name, text, &SECTIONS)?;
+        let quick = overlay(name, QUICK, besides.remove(QUICK))?;
+        let variants = match besides.remove(VARIANT) {
+            None => Vec::new(),
+            Some(Value::Array(variants)) => {
+                variants.into_iter().map(|v| Variant::of(name, v)).collect::<Result<_, _>>()?
+            }
+            Some(_) => return Err(wrong(name, "write [[variant]], once for every variant")),
+        };
+        let section = besides.remove(SWEEP).map_or(Ok(Section::default()), Value::try_into);
+        let section: Section = section.map_err(|e| wrong(name, &format!("[sweep]: {e}")))?;
+        let finished = |mut table: Table, seed: Option<u64>| {
+            if effort == Effort::Quick {
+                lay_over(&mut table, &quick);
+            }
+            if let Some(seed) = seed {
+                lay_over(&mut table, &seeded(seed));
+            }
+            file::finish(name, table, assignments, folder)
+        };
+        if variants.is_empty() {
+            if section != Section::default() {
+                return Err(wrong(name, "[sweep] compares variants, and there is no [[variant]]"));
+            }
+            let pipeline = finished(own, None)?;
+            let case = Case { variant: String::new(), seed: pipeline.train.seed, pipeline };
+            return Ok(Self { comparison: None, cases: vec![case] });
+        }
+        let comparison = Comparison::of(name, section.title, section.columns, &variants)?;
+        // The seed of a case is its own.
+        if let Some(train) = own.get_mut("train").and_then(Value::as_table_mut)
+            && let Some(seed) = train.remove("seed")
+        {
+            return Err(wrong(name, &format!("train.seed = {seed}: write sweep.seeds = [{seed}]")));
+        }
+        let mut cases = Vec::new();
+        for Variant { name: variant, seeds, options, .. } in variants {
+            let mut table = own.clone();
+            lay_over(&mut table, &options);
+            let seeds = seeds.or_else(|| section.seeds.clone()).unwrap_or_else(|| vec![0]);
+            let seeds = match effort {
+                Effort::Full => &seeds[..],
+                Effort::Quick => &seeds[..1.min(seeds.len())],
+            };
+            for &seed in seeds {
+                let pipeline = finished(table.clone(), Some(seed)).map_err(|source| {
+                    PipelineError::InVariant { variant: variant.clone(), source: Box::new(source) }
+                })?;
+                cases.push(Case { variant: variant.clone(), seed, pipeline });
+            }
+        }
+        Ok(Self { comparison: Some(comparison), cases })
+    }
+}
+
+impl Case {
+    /// Where its results go, below the folder of the sweep.
+    pub fn folder(&self) -> PathBuf {
+        if self.variant.is_empty() {
+            return PathBuf::new();
+        }
+        PathBuf::from(folder_name(&self.variant)).join(format!("seed-{}", self.seed))
+    }
+}
+
+impl Comparison {
+    fn of(
+        name: &str,
+        title: String,
+        columns: Vec<Column>,
+        variants: &[Variant],
+    ) -> Result<Self, PipelineError> {
+        let mut folders = BTreeMap::new();
+        for Variant { name: variant, printed, .. } in variants {
+            if let Some(other) = folders.insert(folder_name(variant), variant) {
+                let reason = format!("the variants {other:?} and {variant:?} need other names");
+                return Err(wrong(name, &reason));
+            }
+            let unknown = printed.keys().find(|key| columns.iter().all(|c| c.name != **key));
+            if let Some(key) = unknown {
+                let reason = format!("variant {variant:?}: sweep.columns has no {key:?}");
+                return Err(wrong(name, &reason));
+            }
+        }
+        for Column { name: column, k, .. } in &columns {
+            let (first, last) = k.ends();
+            if first == 0 || last < first {
+                let reason = format!("column {column:?}: k counts from 1, the smaller first");
+                return Err(wrong(name, &reason));
+            }
+        }
+        let described = variants
+            .iter()
+            .map(|v| Described { name: v.name.clone(), printed: v.printed.clone() })
+            .collect();
+        Ok(Self { title, columns, variants: described })
+    }
+}
+
+impl Variant {
+    fn of(file: &str, value: Value) -> Result<Self, PipelineError> {
+        let Value::Table(mut table) = value else {
+            return Err(wrong(file, "a [[variant]] is a table"));
+        };
+        let name = match table.remove("name") {
+            Some(Value::String(name)) if !folder_name(&name).is_empty() => name,
+            _ => return Err(wrong(file, "every [[variant]] needs a name, with a letter or digit")),
+        };
+        let here = format!("{file}, variant {name:?}");
+        let seeds = table.remove("seeds").map(Value::try_into).transpose();
+        let seeds = seeds.map_err(|e| wrong(&here, &format!("seeds: {e}")))?;
+        let printed = table.remove("printed").map_or(Ok(BTreeMap::new()), Value::try_into);
+        let printed = printed.map_err(|e| wrong(&here, &format!("printed: {e}")))?;
+        let options = overlay(&here, "", Some(Value::Table(table)))?;
+        Ok(Self { name, seeds, printed, options })
+    }
+}
+
+/// Options of a pipeline that are laid over others.
+fn overlay(name: &str, section: &str, value: Option<Value>) -> Result<Table, PipelineError> {
+    let place = if section.is_empty() { name.to_string() } else { format!("{name}, [{section}]") };
+    match value {
+        None => Ok(Table::new()),
+        Some(Value::Table(table)) => {
+            file::check_options(&place, &table)?;
+            Ok(table)
+        }
+        Some(_) => Err(wrong(&place, "it is a table of options")),
+    }
+}
+
+/// Lays the options of `over` over those of `table`.
+fn lay_over(table: &mut Table, over: &Table) {
+    for (section, options) in over {
+        match (table.get_mut(section), options) {
+            (Some(Value::Table(own)), Value::Table(options)) => {
+                own.extend(options.iter().map(|(key, value)| (key.clone(), value.clone())));
+            }
+            _ => {
+                table.insert(section.clone(), options.clone());
+            }
+        }
+    }
+}
+
+fn seeded(seed: u64) -> Table {
+    let seed = Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
+    let train = Table::from_iter([("seed".to_string(), seed)]);
+    Table::from_iter([("train".to_string(), Value::Table(train))])
+}
+
+/// Letters and digits of a name, joined by single hyphens.
+fn folder_name(name: &str) -> String {
+    let words = name.split(|c: char| !(c.is_alphanumeric() || c == '.' || c == '_'));
+    let words: Vec<&str> = words.filter(|word| !word.trim_matches('.').is_empty()).collect();
+    words.join("-")
+}
+
+fn wrong(path: &str, reason: &str) -> PipelineError {
+    PipelineError::Malformed { path: path.to_string(), reason: reason.trim_end().to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RecipeName;
+    use super::*;
+
+    fn read(text: &str, set: &[&str], effort: Effort) -> Result<Sweep, PipelineError> {
+        let set: Vec<String> = set.iter().map(ToString::to_string).collect();
+        Sweep::read("s.toml", text, &set, effort, Path::new(""))
+    }
+
+    const TWO: &str = "
+        [train]
+        k = 3
+        width = 32
+        [sweep]
+        title = \"Two\"
+        seeds = [4, 5]
+        columns = [{ name = \"error\", what = \"mse\", k = 1 }, { name = \"mean\", what = \"rmse\", k = [1, 3], of = \"fem\" }]
+        [[variant]]
+        name = \"by the paper\"
+        train = { recipe = \"paper\", epochs = 9 }
+        printed = { error = 5e-6 }
+        [[variant]]
+        name = \"wide: 64\"
+        seeds = [7]
+        train.width = 64
+        [quick]
+        train.width = 8
+    ";
+
+    #[test]
+    fn every_variant_is_a_pipeline_for_every_seed() {
+        let Sweep { comparison, cases } = read(TWO, &["train.k=2"], Effort::Full).unwrap();
+        let shown: Vec<_> = cases
+            .iter()
+            .map(|case| {
+                let train = &case.pipeline.train;
+                assert_eq!((train.seed, train.k), (case.seed, 2));
+                (case.folder().display().to_string(), train.recipe, train.width)
+            })
+            .collect();
+        assert_eq!(
+            shown,
+            [
+                ("by-the-paper/seed-4".to_string(), RecipeName::Paper, 32),
+                ("by-the-paper/seed-5".to_string(), RecipeName::Paper, 32),
+                ("wide-64/seed-7".to_string(), RecipeName::Ritz, 64),
+            ]
+        );
+        let Comparison { columns, variants, .. } = comparison.unwrap();
+        assert_eq!((columns[1].of, columns[1].k), (Whose::Fem, Places::Range([1, 3])));
+        assert!(columns[1].k.has(3) && !columns[0].k.has(2));
+        assert_eq!(variants[0].printed["error"], 5e-6);
+    }
+
+    #[test]
+    fn a_rehearsal_takes_one_seed_and_what_is_quick() {
+        let cases = read(TWO, &[], Effort::Quick).unwrap().cases;
+        let shown: Vec<_> = cases.iter().map(|c| (c.seed, c.pipeline.train.width)).collect();
+        assert_eq!(shown, [(4, 8), (7, 8)]);
+    }
+
+    #[test]
+    fn a_file_without_variants_is_a_sweep_of_one() {
+        let Sweep { comparison, cases } =
+            read("[train]\nk = 3\nseed = 2", &[], Effort::Full).unwrap();
+        assert_eq!(comparison, None);
+        let [Case { variant, seed: 2, pipeline }] = &cases[..] else { panic!("{cases:?}") };
+        assert_eq!((variant.as_str(), pipeline.train.k), ("", 3));
+        assert_eq!(cases[0].folder(), PathBuf::new());
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_place() {
+        let message = |text: &str| read(text, &[], Effort::Full).unwrap_err().to_string();
+        let said = |text: &str, parts: &[&str]| {
+            let message = message(text);
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        };
+        said("[[variant]]\nname = \"a\"\ntrain.widht = 3", &["variant \"a\"", "`train.width`"]);
+        said("[[variant]]\nname = \"a\"\ntrain.width = 0", &["variant \"a\"", "at least 1"]);
+        said("[[variant]]\ntrain.width = 3", &["needs a name"]);
+        said("[[variant]]\nname = \"a b\"\n[[variant]]\nname = \"a-b\"", &["other names"]);
+        said("[[variant]]\nname = \"a\"\nprinted.x = 1.0", &["sweep.columns has no \"x\""]);
+        said("[sweep]\ntitle = \"x\"", &["no [[variant]]"]);
+        said("[sweep]\ntitel = \"x\"\n[[variant]]\nname = \"a\"", &["[sweep]", "titel"]);
+        said("[train]\nseed = 3\n[[variant]]\nname = \"a\"", &["write sweep.seeds = [3]"]);
+        said("variant = 3", &["[[variant]]"]);
+        said("[quick]\ntrain.stepps = 3", &["[quick]", "`train.steps`"]);
+        let column = "[sweep]\ncolumns = [{ name = \"e\", what = \"mse\", k = 0 }]";
+        said(&format!("{column}\n[[variant]]\nname = \"a\""), &["k counts from 1"]);
+    }
+}
