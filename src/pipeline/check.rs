@@ -224,6 +224,14 @@ impl Pipeline {
     }
 }
 
+/// Options that mean nothing beside this recipe.
+pub(super) fn unread(recipe: RecipeName) -> &'static [&'static str] {
+    match recipe {
+        RecipeName::Ritz => &PAPER_ONLY,
+        RecipeName::Paper => &RITZ_ONLY,
+    }
+}
+
 impl Train {
     /// Refuses options of the recipe, or of the kind of trunk, that is not chosen: they would change nothing.
     fn check_recipe(&self) -> Result<(), PipelineError> {

@@ -21,7 +21,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::ggnn::features::FeatureOptions;
-use crate::mesh::sample::Shape;
+use crate::mesh::sample::{Set, Shape};
 use crate::operators::OperatorOptions;
 use crate::remesh::FamilyRecipe;
 pub use error::PipelineError;
@@ -75,6 +75,9 @@ pub struct Generate {
     /// Another one makes other samplings.
     #[serde(default)]
     pub seed: u64,
+    /// Whether they are those that a family with this seed is trained on.
+    #[serde(default)]
+    pub set: Set,
 }
 
 fn one() -> u64 {

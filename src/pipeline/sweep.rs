@@ -22,7 +22,7 @@
 //! train.steps = 5
 //! ```
 //! What is laid over what, the later over the earlier: the file's own options, the variant's, those of `[quick]` where that is
-//! asked for, the seed, `--set`. A file without variants is a sweep of one.
+//! asked for (as far as the variant's recipe reads them), the seed, `--set`. A file without variants is a sweep of one.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
+use super::check::unread;
 use super::{Pipeline, PipelineError, file};
 
 /// The sections of a file that are not a pipeline's own.
@@ -222,6 +223,7 @@ impl Sweep {
         let section: Section = section.map_err(|e| wrong(name, &format!("[sweep]: {e}")))?;
         let finished = |mut table: Table, seed: Option<u64>| {
             if effort == Effort::Quick {
+                let quick = read_by_its_recipe(quick.clone(), &table);
                 lay_over(&mut table, &quick);
             }
             if let Some(seed) = seed {
@@ -354,6 +356,16 @@ fn lay_over(table: &mut Table, over: &Table) {
     }
 }
 
+/// What of `quick` the recipe of `table` reads.
+fn read_by_its_recipe(mut quick: Table, table: &Table) -> Table {
+    let recipe = table.get("train").and_then(|train| train.get("recipe")).cloned();
+    let recipe = recipe.and_then(|name| name.try_into().ok()).unwrap_or_default();
+    if let Some(Value::Table(train)) = quick.get_mut("train") {
+        train.retain(|key, _| !unread(recipe).contains(&format!("train.{key}").as_str()));
+    }
+    quick
+}
+
 fn seeded(seed: u64) -> Table {
     let seed = Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
     let train = Table::from_iter([("seed".to_string(), seed)]);
@@ -398,7 +410,7 @@ mod tests {
         seeds = [7]
         train.width = 64
         [quick]
-        train.width = 8
+        train = { width = 8, steps = 2, epochs = 1 }
     ";
 
     #[test]
@@ -429,8 +441,14 @@ mod tests {
     #[test]
     fn a_rehearsal_takes_one_seed_and_what_is_quick() {
         let cases = read(TWO, &[], Effort::Quick).unwrap().cases;
-        let shown: Vec<_> = cases.iter().map(|c| (c.seed, c.pipeline.train.width)).collect();
-        assert_eq!(shown, [(4, 8), (7, 8)]);
+        let shown: Vec<_> = cases
+            .iter()
+            .map(|Case { seed, pipeline: Pipeline { train, .. }, .. }| {
+                (*seed, train.width, train.epochs, train.steps)
+            })
+            .collect();
+        let default = Pipeline::default().train;
+        assert_eq!(shown, [(4, 8, 1, default.steps), (7, 8, default.epochs, 2)]);
     }
 
     #[test]

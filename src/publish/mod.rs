@@ -6,6 +6,7 @@
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
 //! - [`kept_current`]: which meshes of a watched folder have results
 //! - [`mesh_file`]: a mesh alone
+//! - [`picture`]: eigenfunctions with their nodal lines, as PNG
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
 //! - [`plan`]: what a run would do, and why
 //! - [`status`]: how far a run is, for other processes
@@ -19,6 +20,7 @@ pub mod json;
 pub mod kept_current;
 pub mod mesh_file;
 pub mod npz;
+pub mod picture;
 pub mod plan;
 pub mod ply;
 pub mod report;

@@ -241,4 +241,4 @@ impl MeshReport {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

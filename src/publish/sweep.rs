@@ -271,3 +271,6 @@ fn value(pair: &Eigenpair, what: Quantity, whose: Whose) -> Option<f64> {
     }
     .filter(|value| value.is_finite())
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,7 +10,7 @@ use super::resolution::Resolution;
 use super::simplify::simplify;
 use super::thickness::thinnest;
 use crate::mesh::closest::ClosestPoint;
-use crate::mesh::sample::{SampleError, Shape};
+use crate::mesh::sample::{SampleError, Set, Shape};
 use crate::mesh::subdivide::subdivide;
 use crate::mesh::trimesh::InvalidMesh;
 use crate::mesh::{Topology, TriMesh};
@@ -143,9 +143,6 @@ const SMALL: usize = 620;
 /// collapsed triangle's cotangents swamp the stiffness of all others.
 const THINNEST: f64 = 1e-3;
 
-/// Samplings with this in their number are for training: none that is generated otherwise is among them.
-const TRAINING: u64 = 1 << 63;
-
 impl Family {
     /// Makes the family of `mesh`.
     ///
@@ -187,7 +184,7 @@ impl Family {
         let member = |member: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(recipe.seed);
             rng.set_stream(member);
-            shape.sample(recipe.vertices.draw(&mut rng), recipe.seed, member | TRAINING)
+            shape.sample(recipe.vertices.draw(&mut rng), recipe.seed, Set::Training.number(member))
         };
         let members = (0..recipe.members as u64).map(member).collect::<Result<_, _>>()?;
         Ok(Self { members })

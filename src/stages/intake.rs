@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ignore::WalkBuilder;
 
 use crate::mesh::Format;
-use crate::mesh::sample::SampleError;
+use crate::mesh::sample::{SampleError, Set};
 use crate::pipeline::Generate;
 use crate::publish::mesh_file::{self, MeshFileError};
 
@@ -103,23 +103,24 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
 }
 
 /// Makes the samplings that a pipeline asks for, as files in `folder`: `square-144.ply`, of another seed
-/// `square-144-seed7.ply`, of several `square-144-07.ply`. They
+/// `square-144-seed7.ply`, of several `square-144-07.ply`, of those that are trained on `square-144-training.ply`. They
 /// depend on the entries alone, and one that is there already is not written again.
 ///
 /// # Errors
 /// [`IntakeError::Sample`] and [`IntakeError::Generated`].
 pub fn generate(entries: &[Generate], folder: &Path) -> Result<Vec<PathBuf>, IntakeError> {
     let mut files = Vec::new();
-    for Generate { shape, vertices, count, seed } in entries {
+    for Generate { shape, vertices, count, seed, set } in entries {
         for &n in vertices {
             let seeded = if *seed == 0 { String::new() } else { format!("-seed{seed}") };
-            let plain = folder.join(format!("{}-{n}{seeded}.ply", shape.name()));
+            let trained = if *set == Set::Training { "-training" } else { "" };
+            let plain = folder.join(format!("{}-{n}{trained}{seeded}.ply", shape.name()));
             for member in 0..*count {
                 let path = mesh_file::numbered(&plain, member, *count);
                 if files.contains(&path) {
                     return Err(IntakeError::Twice { path });
                 }
-                let mesh = shape.sample(n, *seed, member)?;
+                let mesh = shape.sample(n, *seed, set.number(member))?;
                 mesh_file::write(&path, &mesh)
                     .map_err(|source| IntakeError::Generated { path: path.clone(), source })?;
                 files.push(path);

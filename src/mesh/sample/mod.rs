@@ -34,6 +34,27 @@ pub enum Shape {
     Vase,
 }
 
+/// What samplings are for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Set {
+    /// None of them is among those that a family is trained on.
+    #[default]
+    Test,
+    /// They are those that a family of this seed and this number of vertices is trained on.
+    Training,
+}
+
+impl Set {
+    /// The number of sampling `member` of this set, for [`Shape::sample`].
+    pub fn number(self, member: u64) -> u64 {
+        match self {
+            Self::Test => member,
+            Self::Training => member | 1 << 63,
+        }
+    }
+}
+
 /// Why there is no such sampling.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SampleError {

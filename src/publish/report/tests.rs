@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::super::result::tests::spectrum;
 use super::*;
 
-fn record() -> RunRecord {
+pub fn record() -> RunRecord {
     RunRecord {
         schema: RunRecordSchema::V1,
         stages: vec![StageRecord { stage: "assemble".to_owned(), cached: true, seconds: 0.5 }],
