@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use chladni::flow::events::How;
-use chladni::pipeline::sweep::{Effort, Sweep};
+use chladni::pipeline::sweep::{Asked, Effort, Sweep};
 use chladni::publish::plan::SweepPlan;
 use chladni::publish::sweep::SweepReport;
 use common::{QUICK, Workspace, chladni, events, text};
@@ -38,9 +38,7 @@ fn sweep(workspace: &Workspace, arguments: &[&str]) -> (i32, SweepReport) {
 fn one_command_runs_all_variants_and_a_second_one_only_what_is_missing() {
     let workspace = Workspace::new(&two());
     let (_, part) = sweep(&workspace, &["--variant", "narrow", "--set", "train.steps=4"]);
-    assert_eq!(part.cases.len(), 2);
-    let missing = part.table.iter().find(|row| row.variant == "by the paper").unwrap();
-    assert_eq!((missing.seeds, missing.median), (0, None), "it is in the table, without a value");
+    assert_eq!((part.cases.len(), part.table.len()), (2, 2));
 
     let (_, all) = sweep(&workspace, &["--variant", "by the paper", "--variant", "narrow"]);
     let ran: Vec<_> = all.cases.iter().map(|case| (case.variant.as_str(), case.seed)).collect();
@@ -126,11 +124,12 @@ fn papers() -> Vec<std::path::PathBuf> {
 fn the_papers_experiments_load_and_every_column_can_have_a_value() {
     let names: Vec<String> =
         papers().iter().map(|path| path.file_stem().unwrap().display().to_string()).collect();
-    let figures = ["fig3", "fig4", "fig5", "fig6", "fig7", "fig8", "fig8-horse", "fig9"];
+    let figures = ["fig3", "fig4", "fig5", "fig6", "fig7", "fig8-horse", "fig8", "fig9"];
     assert_eq!(names, [&figures[..], &["table1", "table2", "table3"]].concat());
     for path in papers() {
         for effort in [Effort::Full, Effort::Quick] {
-            let Sweep { comparison, cases } = Sweep::load(&path, &[], effort).unwrap();
+            let Sweep { comparison, cases } =
+                Sweep::load(&path, Asked { effort, ..Asked::default() }).unwrap();
             let comparison = comparison.unwrap();
             for case in &cases {
                 for column in &comparison.columns {

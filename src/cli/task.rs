@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::model::given_by_name;
 use super::{CacheLocation, Refusal};
 use crate::ggnn::Model;
-use crate::pipeline::sweep::{Case, Comparison, Effort, Sweep};
+use crate::pipeline::sweep::{Asked, Case, Comparison, Effort, Sweep};
 use crate::pipeline::{Method, Pipeline, Train, is_model_file};
 use crate::stages::intake::{self, Job};
 use crate::stages::predict::GivenModel;
@@ -80,20 +80,9 @@ impl Task {
     /// What the user has to mend in either.
     pub fn read(&self) -> Result<(Option<Comparison>, Vec<Part>), Refusal> {
         let effort = if self.quick { Effort::Quick } else { Effort::Full };
-        let sweep = Sweep::load(&self.pipeline, &self.laid.set, effort).map_err(Refusal::usage)?;
-        let Sweep { comparison, mut cases } = sweep;
-        for name in &self.variant {
-            if cases.iter().all(|case| case.variant != *name) {
-                let names = cases.iter().map(|case| format!("{:?}", case.variant));
-                let names: Vec<String> = names.filter(|name| name != "\"\"").collect();
-                let known = if names.is_empty() { "no variants".into() } else { names.join(", ") };
-                return Err(Refusal::usage(format!(
-                    "--variant {name:?}: {} has {known}",
-                    self.pipeline.display()
-                )));
-            }
-        }
-        cases.retain(|case| self.variant.is_empty() || self.variant.contains(&case.variant));
+        let asked = Asked { assignments: &self.laid.set, effort, variants: &self.variant };
+        let sweep = Sweep::load(&self.pipeline, asked).map_err(Refusal::usage)?;
+        let Sweep { comparison, cases } = sweep;
         let parts = cases.into_iter().map(|case| self.part(case));
         Ok((comparison, parts.collect::<Result<_, _>>()?))
     }

@@ -38,12 +38,20 @@ pub enum PipelineError {
         "{path}: [{section}] belongs to a sweep over variants of a pipeline, which `chladni run` and `chladni explain` alone go through"
     )]
     Sweep { path: String, section: String },
+    /// A variant is asked for that the file does not have.
+    #[error("--variant {variant:?}: {path} has {}", listed(.known))]
+    NoVariant { path: String, variant: String, known: Vec<String> },
     /// A variant of a sweep cannot be run.
     #[error("variant {variant:?}: {source}")]
     InVariant { variant: String, source: Box<PipelineError> },
     /// A value that cannot work.
     #[error("{key} = {value}: {rule}")]
     Value { key: &'static str, value: String, rule: &'static str },
+}
+
+fn listed(names: &[String]) -> String {
+    let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+    if names.is_empty() { "no variants".into() } else { names.join(", ") }
 }
 
 fn hint(nearest: Option<&str>) -> String {

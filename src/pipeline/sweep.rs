@@ -159,6 +159,17 @@ impl Places {
     }
 }
 
+/// What of a file is asked for, and what is laid over it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Asked<'a> {
+    /// `train.k=10`, over everything else.
+    pub assignments: &'a [String],
+    /// How much of the work.
+    pub effort: Effort,
+    /// These variants alone; all of them where there is none.
+    pub variants: &'a [String],
+}
+
 /// Which effort a sweep is run with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Effort {
@@ -187,38 +198,34 @@ struct Variant {
 }
 
 impl Sweep {
-    /// Reads a pipeline file, with or without variants, and lays `assignments` (`train.k=10`) over each. Paths become relative to
-    /// the current directory.
+    /// Reads a pipeline file, with or without variants. Paths become relative to the current directory.
     ///
     /// # Errors
     /// [`PipelineError`].
-    pub fn load(
-        path: &Path,
-        assignments: &[String],
-        effort: Effort,
-    ) -> Result<Self, PipelineError> {
+    pub fn load(path: &Path, asked: Asked<'_>) -> Result<Self, PipelineError> {
         let name = path.display().to_string();
         let text = file::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        Self::read(&name, &text, assignments, effort, folder)
+        Self::read(&name, &text, asked, folder)
     }
 
     fn read(
         name: &str,
         text: &str,
-        assignments: &[String],
-        effort: Effort,
+        asked: Asked<'_>,
         folder: &Path,
     ) -> Result<Self, PipelineError> {
+        let Asked { assignments, effort, .. } = asked;
         let (mut own, mut besides) = file::options_and(name, text, &SECTIONS)?;
         let quick = overlay(name, QUICK, besides.remove(QUICK))?;
-        let variants = match besides.remove(VARIANT) {
+        let variants: Vec<Variant> = match besides.remove(VARIANT) {
             None => Vec::new(),
             Some(Value::Array(variants)) => {
                 variants.into_iter().map(|v| Variant::of(name, v)).collect::<Result<_, _>>()?
             }
             Some(_) => return Err(wrong(name, "write [[variant]], once for every variant")),
         };
+        let variants = only(variants, asked.variants, name)?;
         let section = besides.remove(SWEEP).map_or(Ok(Section::default()), Value::try_into);
         let section: Section = section.map_err(|e| wrong(name, &format!("[sweep]: {e}")))?;
         let finished = |mut table: Table, seed: Option<u64>| {
@@ -329,6 +336,24 @@ impl Variant {
     }
 }
 
+/// The variants that are asked for.
+fn only(
+    mut variants: Vec<Variant>,
+    asked: &[String],
+    file: &str,
+) -> Result<Vec<Variant>, PipelineError> {
+    if let Some(variant) = asked.iter().find(|name| variants.iter().all(|v| v.name != **name)) {
+        let known = variants.into_iter().map(|v| v.name).collect();
+        return Err(PipelineError::NoVariant {
+            path: file.into(),
+            variant: variant.clone(),
+            known,
+        });
+    }
+    variants.retain(|variant| asked.is_empty() || asked.contains(&variant.name));
+    Ok(variants)
+}
+
 /// Options of a pipeline that are laid over others.
 fn overlay(name: &str, section: &str, value: Option<Value>) -> Result<Table, PipelineError> {
     let place = if section.is_empty() { name.to_string() } else { format!("{name}, [{section}]") };
@@ -389,8 +414,9 @@ mod tests {
     use super::*;
 
     fn read(text: &str, set: &[&str], effort: Effort) -> Result<Sweep, PipelineError> {
-        let set: Vec<String> = set.iter().map(ToString::to_string).collect();
-        Sweep::read("s.toml", text, &set, effort, Path::new(""))
+        let assignments: Vec<String> = set.iter().map(ToString::to_string).collect();
+        let asked = Asked { assignments: &assignments, effort, variants: &[] };
+        Sweep::read("s.toml", text, asked, Path::new(""))
     }
 
     const TWO: &str = "
@@ -436,6 +462,19 @@ mod tests {
         assert_eq!((columns[1].of, columns[1].k), (Whose::Fem, Places::Range([1, 3])));
         assert!(columns[1].k.has(3) && !columns[0].k.has(2));
         assert_eq!(variants[0].printed["error"], 5e-6);
+    }
+
+    #[test]
+    fn of_the_others_nothing_is_read_when_some_are_asked_for() {
+        let (assignments, variants) = (["train.epochs=4".into()], ["by the paper".into()]);
+        let asked = Asked { assignments: &assignments, variants: &variants, ..Asked::default() };
+        let read = |asked| Sweep::read("s.toml", TWO, asked, Path::new(""));
+        let Sweep { comparison, cases } = read(asked).unwrap();
+        assert_eq!((comparison.unwrap().variants.len(), cases.len()), (1, 2));
+        assert!(cases.iter().all(|case| case.pipeline.train.epochs == 4));
+        assert!(read(Asked { variants: &[], ..asked }).is_err(), "the other has no epochs");
+        let message = read(Asked { variants: &["c".into()], ..asked }).unwrap_err().to_string();
+        assert!(message.contains("\"by the paper\", \"wide: 64\""), "{message}");
     }
 
     #[test]
