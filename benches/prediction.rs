@@ -5,22 +5,23 @@
 //! arbitrary: the time does not depend on them. Rounds go by turns, and minima are shown: other work on the machine only adds.
 
 use std::hint::black_box;
-use std::sync::Arc;
 use std::time::Instant;
 
 use chladni::ggnn::Block;
-use chladni::ggnn::block::TrainingRecord;
 use chladni::ggnn::features::{Normalise, coordinates};
-use chladni::ggnn::network::{Layer, Trunk, TrunkShape};
+use chladni::ggnn::network::{Layer, TrunkShape};
 use chladni::ggnn::ops::product::{Layout, Panels};
 use chladni::ggnn::predict::{NetworkInput, predict_all};
-use chladni::ggnn::recipe::Ritz;
 use chladni::mesh::topology::component_labels;
 use chladni::mesh::{TriMesh, load, sample::icosphere, subdivide::subdivide};
 use chladni::operators::{Boundary, MassKind, Operators};
 use chladni::spectrum::nullspace::free_nullspace;
 use chladni::spectrum::{Problem, TrianglePencil, factor::Analysis, fem};
 use faer::Accum;
+
+use untrained::blocks;
+
+mod untrained;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -64,7 +65,7 @@ fn compare(name: &str, mesh: &TriMesh) {
         ("one each", Layer::Sggc),
     ];
     let blocks: Vec<Vec<Block>> =
-        trunks.iter().map(|&(trunk, layer)| blocks(trunk == "shared", layer)).collect();
+        trunks.iter().map(|&(trunk, layer)| blocks(trunk == "shared", layer, K - 1)).collect();
     let (mut best, mut solve) = ([[f64::INFINITY; NAMES.len()]; 4], f64::INFINITY);
     let (mut total, mut rate) = ([f64::INFINITY; 4], 0.0_f64);
     for _ in 0..ROUNDS {
@@ -126,21 +127,6 @@ fn fem_seconds(mesh: &TriMesh) -> f64 {
     let analysis = Analysis::new(problem.pencil()).expect("it can be factorised");
     black_box(fem::lowest(&problem, &analysis, K).expect("the solver converges"));
     started.elapsed().as_secs_f64()
-}
-
-/// K − 1 blocks, for the constant is known.
-fn blocks(shared: bool, layer: Layer) -> Vec<Block> {
-    let shape = TrunkShape { layer, ..Ritz::default().shape };
-    let weights = |seed| Arc::new(Trunk::init(shape, Ritz::default().ranges, seed).weights());
-    let first = weights(0);
-    let record = TrainingRecord::default();
-    let block = |k: usize| Block {
-        shape,
-        weights: if shared { first.clone() } else { weights(k as u64) },
-        head: (0..shape.width).map(|j| ((j * j * (k + 3) + 7 * k) as f64).sin()).collect(),
-        record: record.clone(),
-    };
-    (1..K).map(block).collect()
 }
 
 /// The products of the layers alone.

@@ -397,8 +397,8 @@ fn seeded(seed: u64) -> Table {
     Table::from_iter([("train".to_string(), Value::Table(train))])
 }
 
-/// Letters and digits of a name, joined by single hyphens.
-fn folder_name(name: &str) -> String {
+/// The folder of a variant: letters and digits of its name, joined by single hyphens.
+pub fn folder_name(name: &str) -> String {
     let words = name.split(|c: char| !(c.is_alphanumeric() || c == '.' || c == '_'));
     let words: Vec<&str> = words.filter(|word| !word.trim_matches('.').is_empty()).collect();
     words.join("-")

@@ -226,7 +226,7 @@ impl Exact {
 }
 
 /// E(EᵀBE)⁻¹EᵀBφ, the function of span E that is closest to φ; 0 where E is dependent at the vertices.
-fn projected(e: &Dense, phi: &[f64], mass: &Sparse) -> Vec<f64> {
+pub fn projected(e: &Dense, phi: &[f64], mass: &Sparse) -> Vec<f64> {
     let (gram, phi) = (projection(mass, e), Dense::from_fn(phi.len(), 1, |i, _| phi[i]));
     let Ok(gram) = gram.llt(Side::Lower) else { return vec![0.0; phi.nrows()] };
     let coefficients = gram.solve(inner(e, &mass.product(&phi)));

@@ -1,0 +1,102 @@
+//! Errors by k, on a logarithmic scale, as Fig. 5 has them: dashed that of the eigenfunction, solid that of λ.
+
+use std::path::Path;
+
+use chladni::publish::sweep::CaseReport;
+use plotters::prelude::*;
+
+use super::Outcome;
+use super::results::Experiment;
+
+/// A colour for each variant, distinct to the colour-blind (Okabe and Ito).
+const COLOURS: [RGBColor; 4] =
+    [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+
+/// The name, the MSE by k and the relative error of λ by k.
+type Errors = (String, Vec<(f64, f64)>, Vec<(f64, f64)>);
+
+/// The plot of an experiment, as a file in `docs/paper`, and Markdown that shows it.
+pub fn of(experiment: &Experiment, docs: &Path) -> Outcome<String> {
+    let mut lines: Vec<Errors> = Vec::new();
+    for case in &experiment.report.cases {
+        if lines.iter().all(|(name, ..)| *name != case.variant) {
+            lines.push(errors(case));
+        }
+    }
+    let fem = experiment.report.cases.first().map(fem_errors);
+    lines.extend(fem);
+    let name = format!("{}.svg", experiment.name);
+    draw(&docs.join("paper").join(&name), &lines)?;
+    Ok(format!("![errors by k: dashed MSE, solid relative error of λ](paper/{name})\n"))
+}
+
+fn errors(case: &CaseReport) -> Errors {
+    let pairs = case.run.meshes.iter().flat_map(|mesh| &mesh.eigenpairs);
+    let of = pairs.filter_map(|report| {
+        let (k, formula) = (report.pair.k as f64, report.pair.closed_form.as_ref()?);
+        Some(((k, formula.own.mse), (k, (report.pair.lambda / formula.lambda - 1.0).abs())))
+    });
+    let (mse, lambda) = of.unzip();
+    (case.variant.clone(), mse, lambda)
+}
+
+fn fem_errors(case: &CaseReport) -> Errors {
+    let pairs = case.run.meshes.iter().flat_map(|mesh| &mesh.eigenpairs);
+    let of = pairs.filter_map(|report| {
+        let (k, formula) = (report.pair.k as f64, report.pair.closed_form.as_ref()?);
+        let lambda = (report.pair.lambda_fem / formula.lambda - 1.0).abs();
+        Some(((k, formula.fem?.mse), (k, lambda)))
+    });
+    let (mse, lambda) = of.unzip();
+    ("FEM".into(), mse, lambda)
+}
+
+fn draw(file: &Path, lines: &[Errors]) -> Outcome<()> {
+    let all = || lines.iter().flat_map(|(_, mse, lambda)| mse.iter().chain(lambda));
+    let most_k = all().map(|p| p.0).fold(1.0, f64::max);
+    let positive = || all().map(|p| p.1).filter(|y| *y > 0.0);
+    let (least, most) =
+        (positive().fold(f64::INFINITY, f64::min), positive().fold(f64::MIN_POSITIVE, f64::max));
+    if !least.is_finite() {
+        return Err("there is nothing to plot".into());
+    }
+    let root = SVGBackend::new(file, (760, 420)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .margin(12)
+        .x_label_area_size(36)
+        .y_label_area_size(64)
+        .build_cartesian_2d(0.5..most_k + 0.5, (least / 2.0..most * 2.0).log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc("k")
+        .y_desc("error")
+        .x_labels(most_k as usize)
+        .x_label_formatter(&|k| format!("{k:.0}"))
+        .y_label_formatter(&|y| format!("{y:.0e}"))
+        .light_line_style(WHITE.mix(0.0))
+        .draw()?;
+    for (i, (name, mse, lambda)) in lines.iter().enumerate() {
+        let colour = COLOURS[i % COLOURS.len()];
+        chart.draw_series(DashedLineSeries::new(
+            mse.iter().copied(),
+            6,
+            4,
+            colour.stroke_width(2),
+        ))?;
+        chart
+            .draw_series(LineSeries::new(lambda.iter().copied(), colour.stroke_width(2)))?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
+        let points = mse.iter().chain(lambda).map(|&p| Circle::new(p, 3, colour.filled()));
+        chart.draw_series(points)?;
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerRight)
+        .background_style(WHITE.mix(0.8))
+        .border_style(BLACK.mix(0.3))
+        .draw()?;
+    root.present()?;
+    Ok(())
+}
