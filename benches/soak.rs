@@ -109,7 +109,7 @@ impl Soak {
         }
         let mut pipeline = Pipeline::default();
         pipeline.train.method = Method::Fem;
-        pipeline.train.k = 8;
+        pipeline.train.k = 8.into();
         Ok(Self { dir: dir.to_owned(), jobs: intake::jobs(&[folder])?, pipeline })
     }
 

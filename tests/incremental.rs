@@ -398,3 +398,20 @@ fn training_sees_the_family_and_earlier_blocks_and_nothing_of_a_reference() {
     let last_block = stages.iter().rposition(|stage| *stage == "train");
     assert!(last_block < stages.iter().position(|stage| *stage == "reference"));
 }
+
+#[test]
+fn a_share_of_the_vertices_gives_every_mesh_its_own_number_and_the_same_blocks() {
+    let workspace = Workspace::new(QUICK);
+    let coarse = chladni::mesh::sample::icosphere(1);
+    workspace.write("meshes/coarse.obj", &common::obj(&coarse));
+    let (_, number) = workspace.report(&["--set", "train.k=4"]);
+    assert_eq!(number.meshes[1].path, "sphere.obj");
+    let (_, share) = workspace.report(&["--set", "train.k=2.4%"]);
+    let counts: Vec<_> = share.meshes.iter().map(|mesh| mesh.eigenpairs.len()).collect();
+    assert_eq!(counts, [1, 4], "of 42 vertices, and of 162");
+    assert_eq!((share.meshes[1].trained, share.meshes[1].reused), (0, 3));
+    let results = |report: &chladni::publish::report::RunReport| -> Vec<f64> {
+        report.meshes[1].eigenpairs.iter().map(|report| report.pair.lambda).collect()
+    };
+    assert_eq!(results(&share), results(&number));
+}

@@ -113,7 +113,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let started = Instant::now();
     let given = given(&arguments.model, &arguments.cache)?;
     let context = context(arguments, given.clone());
-    given.model.check_count(context.pipeline.train.k).map_err(Refusal::usage)?;
+    given.model.check_count(k_of(arguments, &given)).map_err(Refusal::usage)?;
     let name = arguments.mesh.file_name().unwrap_or(arguments.mesh.as_os_str());
     let job = Job { source: arguments.mesh.clone(), name: name.to_string_lossy().into_owned() };
     let outcome = match predict(&context, job, arguments.verify) {
@@ -147,12 +147,16 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
 }
 
 /// A run of one mesh without a cache, with the operators of the model.
+fn k_of(arguments: &Arguments, given: &GivenModel) -> usize {
+    arguments.k.map_or(given.model.k(), NonZeroUsize::get)
+}
+
 fn context(arguments: &Arguments, given: Arc<GivenModel>) -> Context {
     let mut pipeline = Pipeline::default();
     let description = &given.model.description;
     pipeline.train.method = Method::Predict;
     pipeline.train.model.clone_from(&given.name);
-    pipeline.train.k = arguments.k.map_or(given.model.k(), NonZeroUsize::get);
+    pipeline.train.k = k_of(arguments, &given).into();
     pipeline.train.refine = match arguments.refine {
         Refining::None => Refine::None,
         Refining::RayleighRitz => Refine::RayleighRitz,

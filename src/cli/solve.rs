@@ -150,7 +150,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
 /// A run of one mesh without a cache.
 fn context(arguments: &Arguments) -> Result<Context, Refusal> {
     let mut pipeline = Pipeline::default();
-    pipeline.train.k = arguments.k.get();
+    pipeline.train.k = arguments.k.get().into();
     pipeline.train.method = match arguments.method {
         Solver::Fem => Method::Fem,
         Solver::Mpgd => Method::Mpgd,

@@ -7,7 +7,7 @@ use super::model::given_by_name;
 use super::{CacheLocation, Refusal};
 use crate::ggnn::Model;
 use crate::pipeline::sweep::{Asked, Case, Comparison, Effort, Sweep};
-use crate::pipeline::{Method, Pipeline, Train, is_model_file};
+use crate::pipeline::{Count, Method, Pipeline, Train, is_model_file};
 use crate::stages::intake::{self, Job};
 use crate::stages::predict::GivenModel;
 use crate::store::Store;
@@ -140,7 +140,10 @@ pub fn given_model(
         })?;
         given_by_name(model, store)?
     };
-    given.model.check_count(*k).map_err(Refusal::usage)?;
+    // A share is held against the model for every mesh.
+    if let Count::Number(k) = *k {
+        given.model.check_count(k).map_err(Refusal::usage)?;
+    }
     given.model.check_boundary(boundary).map_err(Refusal::usage)?;
     Ok(Some(given))
 }

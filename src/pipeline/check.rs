@@ -3,7 +3,8 @@
 use toml::Table;
 
 use super::{
-    Method, MpgdDirection, MpgdStep, Pipeline, PipelineError, RecipeName, Refine, Train, Verify,
+    Count, Method, MpgdDirection, MpgdStep, Pipeline, PipelineError, RecipeName, Refine, Train,
+    Verify,
 };
 use crate::ggnn::network::Layer;
 use crate::ggnn::recipe::Trunks;
@@ -72,9 +73,11 @@ impl Pipeline {
 
     fn check_sizes(&self) -> Result<(), PipelineError> {
         let (Pipeline { train, family, features, verify, .. }, any) = (self, usize::MAX);
+        // Of a share nobody knows yet how many it is.
+        let number = if let Count::Number(k) = train.k { k } else { 1 };
         // What is beyond the largest is a slip of the keyboard, and would be found out by running out of memory.
         for (key, value, least, largest) in [
-            ("train.k", train.k, 1, 10_000),
+            ("train.k", number, 1, 10_000),
             ("train.width", train.width, 1, 8_192),
             ("train.iterations", train.iterations, 1, 64),
             ("train.steps", train.steps, 1, any),
@@ -96,7 +99,13 @@ impl Pipeline {
             };
             return Err(PipelineError::Value { key, value: value.to_string(), rule });
         }
-        Ok(())
+        match train.k {
+            Count::Percent(percent) if !(percent > 0.0 && percent <= 100.0) => {
+                let rule = "is a share of the vertices, above 0 and up to 100 %";
+                Err(PipelineError::Value { key: "train.k", value: train.k.to_string(), rule })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn check_numbers(&self) -> Result<(), PipelineError> {
@@ -306,6 +315,11 @@ mod tests {
             "train.k = 0: must be at least 1"
         );
         assert!(parse("[train]\nk = \"many\"", &[]).unwrap_err().to_string().contains("line 2"));
+        assert_eq!(parse("", &["train.k=10%"]).unwrap().train.k, Count::Percent(10.0));
+        for share in ["0%", "101%", "nan%"] {
+            let message = parse("", &[&format!("train.k={share}")]).unwrap_err().to_string();
+            assert!(message.contains("a share of the vertices"), "{message}");
+        }
         assert!(parse("", &["train.k"]).unwrap_err().to_string().contains("KEY=VALUE"));
         assert!(parse("", &["verify.angle_tolerance=nan"]).is_err());
     }

@@ -246,7 +246,10 @@ pub(super) mod tests {
     fn assignments_win_over_the_file() {
         let pipeline =
             parse("[train]\nk = 4", &["train.k=10", "operators.mass=consistent"]).unwrap();
-        assert_eq!((pipeline.train.k, pipeline.operators.mass), (10, Some(MassKind::Consistent)));
+        assert_eq!(
+            (pipeline.train.k, pipeline.operators.mass),
+            (10.into(), Some(MassKind::Consistent))
+        );
     }
 
     #[test]

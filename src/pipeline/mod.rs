@@ -1,6 +1,7 @@
 //! A pipeline file as types: every key with its default, unknown keys refused with the nearest known one.
 //!
 //! - `train`: `[train]`, and the recipe that its options make; `verify`: `[verify]`; `mpgd_step`: one of its options
+//! - `count`: how many eigenpairs
 //! - `file`: from a file's text, the recipe's defaults and `--set` to a [`Pipeline`]
 //! - `recipe_file`: options of `[train]` in a file of their own, which a search leaves
 //! - `check`: which values can work, alone and together
@@ -8,6 +9,7 @@
 //! - `error`: why a pipeline cannot be run
 
 mod check;
+mod count;
 mod error;
 mod file;
 mod mpgd_step;
@@ -24,6 +26,7 @@ use crate::ggnn::features::FeatureOptions;
 use crate::mesh::sample::{Set, Shape};
 use crate::operators::OperatorOptions;
 use crate::remesh::FamilyRecipe;
+pub use count::Count;
 pub use error::PipelineError;
 pub use file::{MODEL_EXTENSION, is_model_file};
 pub use mpgd_step::MpgdStep;

@@ -446,7 +446,7 @@ mod tests {
             .iter()
             .map(|case| {
                 let train = &case.pipeline.train;
-                assert_eq!((train.seed, train.k), (case.seed, 2));
+                assert_eq!((train.seed, train.k), (case.seed, 2.into()));
                 (case.folder().display().to_string(), train.recipe, train.width)
             })
             .collect();
@@ -496,7 +496,7 @@ mod tests {
             read("[train]\nk = 3\nseed = 2", &[], Effort::Full).unwrap();
         assert_eq!(comparison, None);
         let [Case { variant, seed: 2, pipeline }] = &cases[..] else { panic!("{cases:?}") };
-        assert_eq!((variant.as_str(), pipeline.train.k), ("", 3));
+        assert_eq!((variant.as_str(), pipeline.train.k), ("", 3.into()));
         assert_eq!(cases[0].folder(), PathBuf::new());
     }
 

@@ -3,6 +3,7 @@
 use serde::de::{Deserializer, Error, Unexpected};
 use serde::{Deserialize, Serialize};
 
+use super::Count;
 use super::recipe_file::is_recipe_file;
 
 use crate::ggnn::network::{Interval, Layer, Ranges, TrunkShape};
@@ -27,7 +28,7 @@ pub struct Train {
     /// What is made of learned eigenfunctions.
     pub refine: Refine,
     /// K: eigenpairs, the constant included.
-    pub k: usize,
+    pub k: Count,
     /// Seeds the initial weights and the order of batches.
     pub seed: u64,
     /// `per-eigenfunction`: each has a trunk of its own; `shared`: all are heads on one, trained together.
@@ -173,7 +174,7 @@ impl Default for Train {
             model: String::new(),
             recipe: RecipeName::Ritz,
             refine: Refine::None,
-            k: 8,
+            k: Count::Number(8),
             seed: 0,
             trunk: Trunks::default(),
             width: shape.width,

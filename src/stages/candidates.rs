@@ -174,7 +174,7 @@ pub fn forward(
     let started = Instant::now();
     let boundary = context.pipeline.operators.boundary;
     let work = forward_work(context, &assembled, read, blocks);
-    let (n, k) = (assembled.loaded.ingested.mesh.n(), context.pipeline.train.k);
+    let (n, k) = (assembled.loaded.ingested.mesh.n(), assembled.loaded.k);
     let stand_in = || stand_in::functions(n, k);
     let recalled = context.recall_costly(item, work.seeded(0, "f32"), stand_in, || {
         let operators = &assembled.operators;
@@ -200,7 +200,7 @@ pub fn forward_work(
     let work = Work::<PredictionArtifact>::of_stage()
         .param("features", canonical(&context.pipeline.features.effective()))
         .param("boundary", context.pipeline.operators.boundary.name())
-        .param("k", context.pipeline.train.k.to_string())
+        .param("k", assembled.loaded.k.to_string())
         .input("mesh", &assembled.loaded.digest())
         .input("operators", &assembled.operators_digest);
     let work = match read {
@@ -245,7 +245,7 @@ pub fn solve(
     item: usize,
     mut assembled: Assembled,
 ) -> Result<Candidates, Failure> {
-    let k = context.pipeline.train.k;
+    let k = assembled.loaded.k;
     let (vectors, digest, how, spent, origin) = match context.pipeline.train.method {
         Method::Mpgd => {
             let Recalled { artifact, digest, how, spent, .. } =

@@ -162,7 +162,7 @@ pub fn prepare(context: &Context, item: usize, familied: Familied) -> Result<Pre
             how = How::Computed;
         }
         let own = Operators::from(recalled.artifact);
-        let (n, k) = (mesh.n() - options.boundary.fixed(&own.boundary).len(), train.k);
+        let (n, k) = (mesh.n() - options.boundary.fixed(&own.boundary).len(), assembled.loaded.k);
         if n < k {
             return Err(Failure::CoarseFamily { n, k });
         }

@@ -20,6 +20,8 @@ pub struct Loaded {
     pub ingested: Arc<Ingested>,
     /// Its content hash.
     pub hash: MeshHash,
+    /// K, how many eigenpairs it is to have.
+    pub k: usize,
     /// The stages so far, in their order.
     pub stages: Vec<StageRecord>,
 }
@@ -44,7 +46,8 @@ impl Loaded {
 pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
     let started = Instant::now();
     let ingested = mesh::load(&job.source)?;
-    let (n, k) = (ingested.mesh.n(), context.pipeline.train.k);
+    let n = ingested.mesh.n();
+    let k = context.pipeline.train.k.of(n);
     if n < k {
         return Err(Failure::TooSmall { n, k });
     }
@@ -59,7 +62,7 @@ pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
         tracing::info!(mesh = job.name, "{}", ingested.repairs);
     }
     let hash = ingested.mesh.hash();
-    let mut loaded = Loaded { job, ingested: Arc::new(ingested), hash, stages: Vec::new() };
+    let mut loaded = Loaded { job, ingested: Arc::new(ingested), hash, k, stages: Vec::new() };
     loaded.spent("ingest", How::Computed, started.elapsed());
     Ok(loaded)
 }

@@ -137,7 +137,7 @@ fn attempt(
     parent: &Arc<Parent>,
     step: Step,
 ) -> Result<Option<(String, Verified)>, Failure> {
-    let k = context.pipeline.train.k;
+    let k = assembled.loaded.k;
     let features = parent.features(&assembled.loaded);
     let grown = Grown { parent: parent.clone(), how: step.recorded() };
     let (model, candidates) = match (step, parent.blocks_to(k)) {
@@ -196,7 +196,7 @@ fn with_heads_solved_here(
         .param("heads", "solved here")
         .param("ridge", train.ridge.to_string())
         .param("penalty", canonical(&train::penalty(context, train)));
-    let (n, k) = (assembled.loaded.ingested.mesh.n(), context.pipeline.train.k);
+    let (n, k) = (assembled.loaded.ingested.mesh.n(), assembled.loaded.k);
     let stand_in = || stand_in::functions(n, k);
     let recalled = context.recall_costly(item, work.seeded(0, "f32"), stand_in, || {
         let Assembled { operators, loaded, .. } = &assembled;
@@ -240,7 +240,7 @@ fn fine_tuned(
     let training = training.under(train.boundary_penalty).reading(features);
     let chosen = Chosen { train, recipe_file: None };
     let mut state = InTraining::new(Prepared { assembled, training }, chosen).from(parent.clone());
-    for k in 1..=context.pipeline.train.k {
+    for k in 1..=state.assembled.loaded.k {
         state = train::train(context, item, k, state)?;
     }
     Ok(Some(state))

@@ -16,7 +16,7 @@ use super::{
 };
 use crate::flow::stage::Outcomes;
 use crate::flow::{Admission, Parcel, Place, Stage, Workers};
-use crate::pipeline::Method;
+use crate::pipeline::{Count, Method};
 use crate::publish::report::MeshReport;
 
 /// The stages at work. They end when every [`Entrance`] is dropped and the last mesh has come out.
@@ -110,10 +110,23 @@ fn chain(
                 .then(open(move |item, mesh| remesh::remesh(&remeshing, item, mesh)))
                 .then(open(move |item, mesh| family::prepare(&preparing, item, mesh)))
                 .then(open(move |item, mesh| tune::tune(&tuning, item, mesh)));
-            for k in 1..=context.pipeline.train.k {
-                let trainer = c();
-                training =
-                    training.then(open(move |item, state| train::train(&trainer, item, k, state)));
+            match context.pipeline.train.k {
+                Count::Number(most) => {
+                    for k in 1..=most {
+                        let trainer = c();
+                        let train = move |item, state| train::train(&trainer, item, k, state);
+                        training = training.then(open(train));
+                    }
+                }
+                // Another K for every mesh: one stage goes through all.
+                Count::Percent(_) => {
+                    let trainer = c();
+                    let train = move |item, state: train::InTraining| {
+                        let ks = 1..=state.assembled.loaded.k;
+                        ks.into_iter().try_fold(state, |s, k| train::train(&trainer, item, k, s))
+                    };
+                    training = training.then(open(train));
+                }
             }
             let (predicting, refining) = (c(), c());
             training

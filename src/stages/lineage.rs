@@ -21,7 +21,7 @@ use crate::ggnn::features::Features;
 use crate::ggnn::model::Description;
 use crate::ggnn::recipe::Trunks;
 use crate::mesh::MeshHash;
-use crate::pipeline::{Method, Pipeline, Refine, Train};
+use crate::pipeline::{Count, Method, Pipeline, Refine, Train};
 use crate::store::{Artifact, CacheKey, KeyBuilder, Store, StoreError};
 
 /// Where the eigenfunctions of one content come from.
@@ -167,7 +167,7 @@ fn under(key: KeyBuilder, pipeline: &Pipeline) -> KeyBuilder {
         method: Method::LepDpinn,
         model: String::new(),
         refine: Refine::None,
-        k: if train.trunk == Trunks::Shared { train.k } else { 0 },
+        k: if train.trunk == Trunks::Shared { train.k } else { Count::Number(0) },
         ..train.clone()
     };
     key.param("family", canonical(family))

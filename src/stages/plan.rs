@@ -84,7 +84,7 @@ fn follow(context: &Context, item: usize, job: Job) -> Result<bool, Failure> {
             let familied = remesh::remesh(context, item, assembled)?;
             let prepared = family::prepare(context, item, familied)?;
             let mut state = tune::tune(context, item, prepared)?;
-            for k in 1..=context.pipeline.train.k {
+            for k in 1..=state.assembled.loaded.k {
                 state = train::train(context, item, k, state)?;
             }
             let made = candidates::predict(context, item, state)?;

@@ -80,7 +80,7 @@ impl Predicted {
 pub fn predict(context: &Context, item: usize, mut loaded: Loaded) -> Result<Predicted, Failure> {
     let started = Instant::now();
     let given = context.model.as_ref().ok_or(Failure::NoModel)?;
-    let (k, operators) = (context.pipeline.train.k, context.pipeline.operators);
+    let (k, operators) = (loaded.k, context.pipeline.operators);
     let ingested = loaded.ingested.clone();
     given.model.check_boundary(operators.boundary)?;
     let unlike = given.model.check(&ingested.mesh, &ingested.topology, k)?;

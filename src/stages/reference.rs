@@ -23,12 +23,12 @@ pub fn fem(
     assembled: &Assembled,
 ) -> Result<Recalled<ReferenceArtifact>, Failure> {
     let work = fem_work(context, assembled);
-    let (n, k) = (free_vertices(context, assembled), context.pipeline.train.k);
+    let (n, k) = (free_vertices(context, assembled), assembled.loaded.k);
     let stand_in = || stand_in::reference(n, k);
     context.recall_costly(item, work.seeded(0, "f64"), stand_in, || {
         let problem = assembled.problem(context.pipeline.operators.boundary)?;
         let analysis = Analysis::new(problem.pencil())?;
-        Ok((&fem::lowest(&problem, &analysis, context.pipeline.train.k)?).into())
+        Ok((&fem::lowest(&problem, &analysis, k)?).into())
     })
 }
 
@@ -91,7 +91,7 @@ fn free_vertices(context: &Context, assembled: &Assembled) -> usize {
 /// Work on the eigenproblem of a mesh.
 fn posed<A: Artifact>(context: &Context, assembled: &Assembled) -> Work<A> {
     Work::<A>::of_stage()
-        .param("k", context.pipeline.train.k.to_string())
+        .param("k", assembled.loaded.k.to_string())
         .param("boundary", context.pipeline.operators.boundary.name())
         .input("mesh", &assembled.loaded.digest())
         .input("operators", &assembled.operators_digest)

@@ -117,7 +117,7 @@ impl Surface {
 /// How many eigenfunctions of λ = 0 a mesh has that can have K eigenpairs: found out before anything is made of it.
 pub fn multiplicity(context: &Context, assembled: &Assembled) -> Result<usize, Failure> {
     let problem = assembled.problem(context.pipeline.operators.boundary)?;
-    let (n, asked) = (problem.pencil().n(), context.pipeline.train.k);
+    let (n, asked) = (problem.pencil().n(), assembled.loaded.k);
     if n < asked {
         return Err(SpectrumError::TooMany { asked, n }.into());
     }

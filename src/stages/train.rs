@@ -129,7 +129,7 @@ pub fn train(
     };
     let wanted = match options.trunk {
         Trunks::PerEigenfunction => k..=k,
-        Trunks::Shared => k..=options.k,
+        Trunks::Shared => k..=state.assembled.loaded.k,
     };
     let work = work(context, &state, &recipe, &wanted).seeded(options.seed, "f32");
     let key = *work.key();

@@ -28,7 +28,7 @@ pub fn tune(context: &Context, item: usize, prepared: Prepared) -> Result<InTrai
     };
     warn_of_few(&prepared, &recipe);
     let (known, members) = (prepared.training.known, prepared.training.members());
-    let wanted = train.k.saturating_sub(known);
+    let wanted = prepared.assembled.loaded.k.saturating_sub(known);
     if train.tune == 0 || wanted == 0 {
         return Ok(as_it_is(train, prepared));
     }

@@ -73,7 +73,7 @@ fn near(
     assembled: &Assembled,
     previous: &Previous,
 ) -> Result<Recalled<ReferenceArtifact>, Failure> {
-    let k = context.pipeline.train.k;
+    let k = assembled.loaded.k;
     let work = reference::fem_work(context, assembled).input("parent", &previous.digest);
     let stand_in = || stand_in::reference(assembled.operators.stiffness.rows(), k);
     context.recall_costly(item, work.seeded(0, "f64"), stand_in, || {

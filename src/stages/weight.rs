@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::pipeline::{Method, Pipeline};
+use crate::pipeline::{Count, Method, Pipeline};
 
 /// Bytes of a file for each vertex, at least: a binary PLY has 38, text 60 to 150. So a mesh from text counts double.
 const FILE_BYTES: u64 = 38;
@@ -24,6 +24,10 @@ const BESIDE: u64 = 8 << 20;
 pub struct Weights {
     /// For every vertex.
     vertex: u64,
+    /// For every eigenpair at every vertex.
+    pair: u64,
+    /// How many eigenpairs.
+    count: Count,
     /// For every mesh.
     mesh: u64,
 }
@@ -32,16 +36,16 @@ impl Weights {
     /// Under this pipeline.
     pub fn of(pipeline: &Pipeline) -> Self {
         let train = &pipeline.train;
-        let (k, width) = (train.k as u64, train.width as u64);
-        let solve = SOLVE.0 + k * SOLVE.1;
+        let (count, width) = (train.k, train.width as u64);
+        let (solve, pair) = SOLVE;
         let feature = BUFFERS * size_of::<f32>() as u64;
         match train.method {
-            Method::Fem | Method::Mpgd => Self { vertex: solve, mesh: BESIDE },
-            Method::Predict => Self { vertex: solve + width * feature, mesh: BESIDE },
+            Method::Fem | Method::Mpgd => Self { vertex: solve, pair, count, mesh: BESIDE },
+            Method::Predict => Self { vertex: solve + width * feature, pair, count, mesh: BESIDE },
             Method::LepDpinn => {
                 let members = train.batch as u64 * pipeline.family.vertices.most as u64;
                 let step = members * width * (2 + train.layers as u64) * feature;
-                Self { vertex: solve + width * feature, mesh: BESIDE + step }
+                Self { vertex: solve + width * feature, pair, count, mesh: BESIDE + step }
             }
         }
     }
@@ -52,7 +56,10 @@ impl Weights {
         // A .gltf usually has its numbers beside it.
         let beside = file.extension().is_some_and(|extension| extension == "gltf");
         let bytes = bytes(file) + if beside { bytes(&file.with_extension("bin")) } else { 0 };
-        self.mesh.saturating_add((bytes / FILE_BYTES).saturating_mul(self.vertex))
+        let n = bytes / FILE_BYTES;
+        let k = self.count.of(n as usize) as u64;
+        let vertex = self.vertex.saturating_add(k.saturating_mul(self.pair));
+        self.mesh.saturating_add(n.saturating_mul(vertex))
     }
 }
 
@@ -88,7 +95,7 @@ mod tests {
             (few.of_mesh(&file("a.obj", 1000)), few.of_mesh(&file("b.ply", 3_800_000)));
         assert!((BESIDE..BESIDE + 1_000_000).contains(&small), "{small}");
         assert!((300_000_000..400_000_000).contains(&large), "{large}");
-        pipeline.train.k = 100;
+        pipeline.train.k = 100.into();
         assert!(Weights::of(&pipeline).of_mesh(&dir.path().join("b.ply")) > large);
         let text = file("c.gltf", 500);
         file("c.bin", 3_800_000);
