@@ -1,5 +1,6 @@
 //! `chladni run PIPELINE.toml`.
 
+use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,11 +14,12 @@ use super::signals::stop_on_signals;
 use super::task::{Part, Task, given_model};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
 use crate::flow::events::EventFile;
+use crate::pipeline::Pages;
 use crate::pipeline::sweep::Comparison;
-use crate::publish::atomic;
 use crate::publish::report::{RunReport, Status};
 use crate::publish::sweep::{CaseReport, SweepReport};
 use crate::publish::table::{run_table, summary, sweep_table};
+use crate::publish::{atomic, page};
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::weight::half_of_the_memory;
 use crate::store::Store;
@@ -150,7 +152,11 @@ impl Runner<'_> {
     fn run(&self, part: Part) -> Result<Ended, Refusal> {
         let Self { arguments, store, cancel, .. } = self;
         let lineage = arguments.task.lineage(&part);
-        let Part { pipeline, jobs, out, .. } = part;
+        let Part { mut pipeline, jobs, out, .. } = part;
+        if pipeline.publish.report == Pages::Auto && self.is_watched() {
+            pipeline.publish.report = Pages::Written;
+        }
+        let page = (pipeline.publish.report == Pages::Written).then(|| out.join(page::FILE));
         let events = std::fs::create_dir_all(&out)
             .and_then(|()| EventFile::append(&out.join("events.jsonl")))
             .map_err(|error| {
@@ -176,7 +182,17 @@ impl Runner<'_> {
             checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
             events: Arc::new(events),
         };
-        self.runtime.block_on(run(request)).map_err(Refusal::internal)
+        let ended = self.runtime.block_on(run(request)).map_err(Refusal::internal)?;
+        if let Some(path) = page {
+            let page = page::run_page(&ended.report);
+            atomic::write(&path, page.as_bytes()).map_err(Refusal::usage)?;
+        }
+        Ok(ended)
+    }
+
+    /// Whether somebody sits at a terminal and sees how it goes.
+    fn is_watched(&self) -> bool {
+        self.arguments.format == Format::Human && std::io::stdout().is_terminal()
     }
 
     fn exit(&self, report: &RunReport, defect: bool) -> Exit {

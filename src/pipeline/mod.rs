@@ -1,6 +1,6 @@
 //! A pipeline file as types: every key with its default, unknown keys refused with the nearest known one.
 //!
-//! - `train`: `[train]`, and the recipe that its options make; `verify`: `[verify]`; `mpgd_step`: one of its options
+//! - `train`: `[train]`, and the recipe that its options make; `verify`: `[verify]`; `mpgd_step`, `pages`: options of several kinds
 //! - `count`: how many eigenpairs
 //! - `file`: from a file's text, the recipe's defaults and `--set` to a [`Pipeline`]
 //! - `recipe_file`: options of `[train]` in a file of their own, which a search leaves
@@ -13,6 +13,7 @@ mod count;
 mod error;
 mod file;
 mod mpgd_step;
+mod pages;
 mod recipe_file;
 pub mod sweep;
 mod train;
@@ -30,6 +31,7 @@ pub use count::Count;
 pub use error::PipelineError;
 pub use file::{MODEL_EXTENSION, is_model_file};
 pub use mpgd_step::MpgdStep;
+pub use pages::Pages;
 pub use recipe_file::FoundRecipe;
 pub use train::{Method, RecipeName, Refine, Train};
 pub use verify::{Formula, MpgdDirection, Verify};
@@ -93,6 +95,8 @@ fn one() -> u64 {
 pub struct Publish {
     /// Write `eigen.ply`: the mesh with a property for every eigenfunction.
     pub ply: bool,
+    /// Write `report.html`: a page for people, of every mesh and of a run.
+    pub report: Pages,
     /// What `chladni watch` does with the results of a mesh that was deleted.
     pub on_delete: OnDelete,
 }
@@ -110,6 +114,6 @@ pub enum OnDelete {
 
 impl Default for Publish {
     fn default() -> Self {
-        Self { ply: true, on_delete: OnDelete::Keep }
+        Self { ply: true, report: Pages::Auto, on_delete: OnDelete::Keep }
     }
 }

@@ -6,6 +6,7 @@
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy
 //! - [`kept_current`]: which meshes of a watched folder have results
 //! - [`mesh_file`]: a mesh alone
+//! - [`page`]: `report.html`, for people
 //! - [`picture`]: eigenfunctions with their nodal lines, as PNG
 //! - [`ply`]: the mesh with its eigenfunctions, for viewers
 //! - [`plan`]: what a run would do, and why
@@ -20,6 +21,7 @@ pub mod json;
 pub mod kept_current;
 pub mod mesh_file;
 pub mod npz;
+pub mod page;
 pub mod picture;
 pub mod plan;
 pub mod ply;

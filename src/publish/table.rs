@@ -199,7 +199,8 @@ fn ancestor(ancestor: &Ancestor) -> String {
     format!("{}, {:.12}", ancestor.how.in_words(), ancestor.mesh.to_string())
 }
 
-fn completeness(counted: &Completeness) -> String {
+/// Whether an eigenvalue was missed, in words.
+pub fn completeness(counted: &Completeness) -> String {
     let Completeness { sigma, count, found, complete, cut_cluster } = counted;
     let sigma = six_digits(*sigma);
     let Some(count) = count else {
@@ -279,7 +280,8 @@ pub fn six_digits(value: f64) -> String {
     })
 }
 
-fn two_digits(value: f64) -> String {
+/// Two significant digits, as of an error.
+pub fn two_digits(value: f64) -> String {
     measured(value, |value| format!("{value:.1e}"))
 }
 

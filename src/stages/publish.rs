@@ -10,16 +10,17 @@ use super::candidates::{Grown, Origin};
 use super::context::Context;
 use super::ingest::Loaded;
 use super::predict::Predicted;
-use super::train::TrainedBlock;
+use super::train::{TrainedBlock, named};
 use super::verify::{Deviations, Verified};
 use crate::flow::events::How;
 use crate::mesh::Area;
 use crate::operators::mass::row_sums;
 use crate::operators::{Laplacian, MassKind};
-use crate::pipeline::{Method, Pipeline, Train};
+use crate::pipeline::{Method, Pages, Pipeline, Train};
 use crate::publish::PublishError;
 use crate::publish::atomic::{remove, write_if_changed};
 use crate::publish::npz::EigenArrays;
+use crate::publish::page::{self, Curve, MeshPage};
 use crate::publish::ply::to_ply;
 use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
 use crate::publish::result::{
@@ -47,6 +48,7 @@ pub fn publish(context: &Context, item: usize, verified: Verified) -> Result<Mes
         mass_kind: assembled.operators.mass_kind,
         reason: (!judgement.is_verified()).then(|| judgement.reason()),
         recipe_file: origin.chosen().and_then(|chosen| chosen.recipe_file.clone()),
+        curves: curves(&origin),
         spectrum,
     };
     write(context, item, assembled.loaded, results, |stages| record(stages, &origin, &order))
@@ -74,9 +76,22 @@ pub fn publish_predicted(
         mass_kind: pencil.mass_kind(),
         reason: Some(NOT_VERIFIED.into()),
         recipe_file: None,
+        curves: vec![],
         spectrum,
     };
     write(context, item, loaded, results, |stages| solved_record(stages, how, order.len()))
+}
+
+/// How the trainings of the blocks went; those on one trunk have one.
+fn curves(origin: &Origin) -> Vec<Curve> {
+    let Origin::Learned { blocks, .. } = origin else { return vec![] };
+    let trunks = blocks.chunk_by(|a, b| a.block.shares_trunk(&b.block));
+    let curve = |blocks: &[TrainedBlock]| {
+        let (first, last) = (blocks.first()?, blocks.last()?);
+        let quotients = first.block.record.history.clone();
+        Some(Curve { name: named(&(first.k..=last.k)), quotients })
+    };
+    trunks.filter_map(curve).collect()
 }
 
 /// Why predictions that nobody asked to verify are not verified.
@@ -94,6 +109,8 @@ struct Results {
     reason: Option<String>,
     /// The recipe that a search has found.
     recipe_file: Option<String>,
+    /// How trainings went.
+    curves: Vec<Curve>,
 }
 
 fn write(
@@ -104,12 +121,13 @@ fn write(
     record: impl FnOnce(Vec<StageRecord>) -> RunRecord,
 ) -> Result<MeshReport, Failure> {
     let started = Instant::now();
-    let Results { pairs, mass, mass_kind, spectrum, reason, recipe_file } = results;
-    let mesh = &loaded.ingested.mesh;
+    let Results { pairs, mass, mass_kind, spectrum, reason, recipe_file, curves } = results;
+    let ingested = loaded.ingested.clone();
+    let mesh = &ingested.mesh;
     let folder = context.out.join(&loaded.job.name);
     let document = spectrum.to_json();
     withdraw(&folder, Some(&document))?;
-    let vertex_map = &loaded.ingested.vertex_map;
+    let vertex_map = &ingested.vertex_map;
     let arrays = EigenArrays { mesh, pairs: &pairs, mass: &mass, mass_kind, vertex_map };
     write_if_changed(&folder.join(ARRAYS), &arrays.to_npz())?;
     let ply = folder.join(SURFACE);
@@ -118,12 +136,21 @@ fn write(
     } else {
         remove(&ply)?;
     }
+    loaded.spent("publish", How::Computed, started.elapsed());
+    let record = RunRecord { work: context.ledger.take(item), ..record(loaded.stages) };
+    let page = folder.join(PAGE);
+    if context.pipeline.publish.report == Pages::Written {
+        let (name, reason) = (&*loaded.job.name, reason.as_deref());
+        let (pairs, spectrum, record, curves) = (&pairs, &spectrum, &record, &*curves);
+        let page_of_mesh = MeshPage { name, mesh, pairs, spectrum, record, reason, curves };
+        write_if_changed(&page, page_of_mesh.to_html().as_bytes())?;
+    } else {
+        remove(&page)?;
+    }
     // A recipe is there to be used by other runs: one that finds none leaves an earlier one where it is.
     if let Some(text) = recipe_file {
         write_if_changed(&folder.join(RECIPE), text.as_bytes())?;
     }
-    loaded.spent("publish", How::Computed, started.elapsed());
-    let record = RunRecord { work: context.ledger.take(item), ..record(loaded.stages) };
     write_if_changed(&folder.join(RUN), &record.to_json())?;
     // Whoever waits for results waits for this file: all others are there when it is.
     write_if_changed(&folder.join(SPECTRUM), &document)?;
@@ -153,6 +180,7 @@ pub fn unwritten_predicted(spectrum: &Spectrum, predicted: Predicted) -> MeshRep
 const ARRAYS: &str = "eigen.npz";
 const SURFACE: &str = "eigen.ply";
 const RECIPE: &str = "recipe.toml";
+const PAGE: &str = page::FILE;
 
 /// The file that tells what the work was.
 pub const RUN: &str = "run.json";
@@ -178,7 +206,7 @@ pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishErro
 pub fn remove_results(out: &Path, name: &str) -> Result<(), PublishError> {
     let folder = out.join(name);
     // First the one that says that the others are whole.
-    for file in [SPECTRUM, RUN, ARRAYS, SURFACE, RECIPE] {
+    for file in [SPECTRUM, RUN, ARRAYS, SURFACE, PAGE, RECIPE] {
         remove(&folder.join(file))?;
     }
     let folders = folder.ancestors().take_while(|folder| *folder != out);

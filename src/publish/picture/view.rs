@@ -12,7 +12,7 @@ pub struct View {
     /// Half of what is in the picture, from side to side.
     reach: f64,
     /// Whether slopes show: not on a flat mesh.
-    pub(super) lit: bool,
+    lit: bool,
 }
 
 /// Which axis points up.
@@ -55,6 +55,28 @@ impl View {
         let reach = ends.map(width).into_iter().fold(0.0, f64::max) / 2.0 / (1.0 - 2.0 * MARGIN);
         let centre = ends.map(|(least, most)| (least + most) / 2.0);
         Self { axes, centre, reach: if reach > 0.0 { reach } else { 1.0 }, lit }
+    }
+
+    /// To the right, up, and towards the eye.
+    pub fn axes(&self) -> [[f64; 3]; 3] {
+        self.axes
+    }
+
+    /// Whether slopes show: not on a flat mesh.
+    pub fn lit(&self) -> bool {
+        self.lit
+    }
+
+    /// The middle of the mesh and the radius of a ball around it, however it is turned.
+    pub fn ball(&self, mesh: &TriMesh) -> ([f64; 3], f64) {
+        let ends = [0, 1, 2].map(|i| {
+            let along = mesh.vertices().iter().map(|p| p[i]);
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
+        });
+        let centre = ends.map(|(least, most)| (least + most) / 2.0);
+        let away = |p: &[f64; 3]| (0..3).map(|i| (p[i] - centre[i]).powi(2)).sum::<f64>().sqrt();
+        let radius = mesh.vertices().iter().map(away).fold(0.0, f64::max);
+        (centre, if radius > 0.0 { radius } else { 1.0 })
     }
 
     /// How near the eye a point is.

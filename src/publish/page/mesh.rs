@@ -1,0 +1,292 @@
+//! The page of a mesh: its eigenfunctions, and what was checked of them.
+
+use std::f64::consts::PI;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use maud::{Markup, PreEscaped, html};
+
+use super::frame::{badge, flow, page};
+use super::plot::{Axes, Mark, Scale, Series, plot};
+use super::viewer::{MOST_VERTICES, viewer};
+use crate::mesh::TriMesh;
+use crate::publish::picture::{Up, View, draw};
+use crate::publish::report::{RunRecord, Status};
+use crate::publish::result::{Eigenpair, Source, Spectrum, Verdict};
+use crate::publish::table::{completeness, duration, six_digits, two_digits};
+use crate::spectrum::Eigenpairs;
+use crate::spectrum::pencil::column;
+
+/// What a page is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct MeshPage<'a> {
+    /// The name of the mesh.
+    pub name: &'a str,
+    /// The mesh.
+    pub mesh: &'a TriMesh,
+    /// Its eigenpairs, vectors n×K.
+    pub pairs: &'a Eigenpairs,
+    /// What was found and checked.
+    pub spectrum: &'a Spectrum,
+    /// What the work was.
+    pub record: &'a RunRecord,
+    /// What it falls short of.
+    pub reason: Option<&'a str>,
+    /// How trainings went.
+    pub curves: &'a [Curve],
+}
+
+/// The Rayleigh quotients of a training.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Of which eigenfunction.
+    pub name: String,
+    /// Of every step, or epoch.
+    pub quotients: Vec<f64>,
+}
+
+/// Pictures of a page; more are there to be turned.
+const MOST_PICTURES: usize = 24;
+
+/// Pixels of a picture.
+const PICTURE: usize = 220;
+
+impl MeshPage<'_> {
+    /// The page.
+    pub fn to_html(&self) -> String {
+        let Self { name, mesh, pairs, spectrum, record, reason, .. } = *self;
+        // A constant has nothing to show.
+        let places: Vec<usize> = (0..pairs.len())
+            .filter(|&j| spectrum.eigenpairs.get(j).is_none_or(|p| p.source != Source::Constant))
+            .collect();
+        let view = View::of(mesh, Up::Y);
+        let turning = viewer(mesh, pairs, &places, view);
+        let turns = turning.is_some();
+        page(
+            name,
+            html! {
+                h1 { (name) " " (badge(spectrum.status.into())) }
+                (self.facts())
+                @if let Some(reason) = reason { p.warn { "Not verified: " (reason) "." } }
+                @if let Some(counted) = &spectrum.completeness { p { (sentence(&completeness(counted))) } }
+                h2 { "How it came about" }
+                (flow(&record.stages))
+                p.soft { (blocks(record)) "dashed: from the cache." }
+                @if let Some(turning) = turning {
+                    h2 { "Eigenfunctions" }
+                    (turning)
+                }
+                h2 { "Nodal lines" }
+                @if !turns && mesh.n() > MOST_VERTICES {
+                    p.soft { "With " (mesh.n()) " vertices the mesh is too large to be turned here; eigen.npz and the other files beside this page have it." }
+                }
+                (pictures(mesh, pairs, &places, view))
+                h2 { "Eigenpairs" }
+                (table(&spectrum.eigenpairs))
+                p.soft {
+                    "λ in 1/(input unit)². The angle, in radians, is the largest between the eigenspace and the reference's. ρ needs no reference: "
+                    "some true eigenvalue λᵢ lies within ρ(λᵢ + λ) of λ."
+                }
+                (self.plots())
+                h2 { "Where it comes from" }
+                (self.provenance())
+            },
+        )
+    }
+
+    fn facts(&self) -> Markup {
+        let mesh = &self.spectrum.mesh;
+        html! {
+            ul.facts {
+                li { b { (mesh.vertices) } " vertices" }
+                li { b { (mesh.faces) } " triangles" }
+                li { b { (mesh.components) } @if mesh.components == 1 { " piece" } @else { " pieces" } }
+                li { b { (mesh.boundary_loops) } @if mesh.boundary_loops == 1 { " boundary loop" } @else { " boundary loops" } }
+                li { "χ = " b { (mesh.euler) } }
+                li { "area " b { (six_digits(mesh.area)) } }
+                li { b { (self.pairs.len()) } @if self.pairs.len() == 1 { " eigenpair" } @else { " eigenpairs" } }
+                li { b { (duration(self.record.seconds)) } }
+            }
+        }
+    }
+
+    fn plots(&self) -> Markup {
+        let pairs = &self.spectrum.eigenpairs;
+        let by_k = |of: &dyn Fn(&Eigenpair) -> f64| {
+            pairs.iter().map(|pair| (pair.k as f64, of(pair))).collect::<Vec<_>>()
+        };
+        let series = |name: &str, points, mark| Series { name: name.into(), points, mark };
+        let area = self.spectrum.mesh.area;
+        let spectrum = [
+            series("λ · area", by_k(&|p| p.lambda * area), Mark::Line),
+            series("FEM", by_k(&|p| p.lambda_fem * area), Mark::Points),
+            series("M-PGD", by_k(&|p| p.lambda_mpgd * area), Mark::Points),
+            series("Weyl: 4πk", by_k(&|p| 4.0 * PI * p.k as f64), Mark::Dashed),
+        ];
+        let present = |all: Vec<Series>| -> Vec<Series> {
+            let has = |series: &Series| series.points.iter().any(|p| p.1.is_finite());
+            all.into_iter().filter(has).collect()
+        };
+        let off = |p: &Eigenpair| {
+            // λ = 0 is measured by other means.
+            if p.lambda_fem * area > 1e-6 {
+                (p.lambda / p.lambda_fem - 1.0).abs()
+            } else {
+                f64::NAN
+            }
+        };
+        let errors = [
+            series("relative difference of λ from FEM", by_k(&off), Mark::Line),
+            series("angle to FEM", by_k(&|p| p.angle_fem), Mark::Line),
+            series("residual / λ", by_k(&|p| p.residual / p.lambda.abs()), Mark::Dashed),
+        ];
+        let learned = pairs.iter().any(|pair| pair.angle_fem.is_finite());
+        let errors: Vec<Series> = errors
+            .into_iter()
+            .enumerate()
+            // Of learned pairs the residual says nothing, of solved ones the difference.
+            .filter(|(i, _)| (*i == 2) != learned)
+            .map(|(_, series)| series)
+            .collect();
+        let curves = self.curves.iter().map(|Curve { name, quotients }| {
+            let points = quotients.iter().enumerate().map(|(i, &q)| ((i + 1) as f64, q)).collect();
+            series(name, points, Mark::Line)
+        });
+        let axes = |x, y, scale| Axes { x, y, scale };
+        let shown = [
+            ("Spectrum", plot(&axes("k", "λ · area", Scale::Linear), &present(spectrum.into()))),
+            ("Errors", plot(&axes("k", "", Scale::Logarithmic), &present(errors))),
+            (
+                "Training",
+                plot(
+                    &axes("step", "Rayleigh quotient · area", Scale::Logarithmic),
+                    &curves.collect::<Vec<_>>(),
+                ),
+            ),
+        ];
+        html! {
+            h2 { "In pictures" }
+            div.plots {
+                @for (title, svg) in shown {
+                    @if let Some(svg) = svg {
+                        figure { (PreEscaped(svg)) figcaption { (title) } }
+                    }
+                }
+            }
+        }
+    }
+
+    fn provenance(&self) -> Markup {
+        let provenance = &self.spectrum.provenance;
+        let parameters = serde_json::to_string_pretty(&provenance.parameters).unwrap_or_default();
+        let command: Vec<String> = std::env::args().map(|argument| quoted(&argument)).collect();
+        html! {
+            p { "Mesh " code { (self.spectrum.mesh.hash) } ", chladni " (provenance.chladni) "." }
+            p { "The command:" }
+            pre { code { (command.join(" ")) } }
+            details {
+                summary { "All parameters that can change a number" }
+                pre { code { (parameters) } }
+            }
+        }
+    }
+}
+
+/// An argument as a shell reads it.
+fn quoted(argument: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !argument.is_empty() && argument.chars().all(plain) {
+        argument.to_owned()
+    } else {
+        format!("'{}'", argument.replace('\'', "'\\''"))
+    }
+}
+
+/// With a large first letter and a full stop.
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
+    format!("{first}{}.", letters.as_str())
+}
+
+fn blocks(record: &RunRecord) -> String {
+    match (record.trained, record.reused) {
+        (0, 0) => String::new(),
+        (trained, reused) => format!("{trained} blocks trained, {reused} reused; "),
+    }
+}
+
+fn pictures(mesh: &TriMesh, pairs: &Eigenpairs, places: &[usize], view: View) -> Markup {
+    let picture = |j: usize| {
+        let phi = column(&pairs.vectors, j);
+        let limit = phi.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        draw(mesh, phi, limit, view, PICTURE).to_png().ok().map(|png| STANDARD.encode(png))
+    };
+    html! {
+        div.figures {
+            @for &j in places.iter().take(MOST_PICTURES) {
+                @if let Some(png) = picture(j) {
+                    figure {
+                        img width=(PICTURE) height=(PICTURE) src={ "data:image/png;base64," (png) }
+                            alt={ "eigenfunction " (j + 1) " with its nodal lines" };
+                        figcaption { "φ" (j + 1) ", λ = " (six_digits(pairs.values[j])) }
+                    }
+                }
+            }
+        }
+        @if places.len() > MOST_PICTURES {
+            p.soft { "The first " (MOST_PICTURES) " of " (places.len()) "." }
+        }
+    }
+}
+
+fn table(pairs: &[Eigenpair]) -> Markup {
+    let any = |of: fn(&Eigenpair) -> f64| pairs.iter().any(|pair| of(pair).is_finite());
+    let refined = pairs.iter().any(|pair| pair.lambda_refined.is_some());
+    let (fem, mpgd) = (any(|p| p.lambda_fem), any(|p| p.lambda_mpgd));
+    let (angle, rho) = (any(|p| p.angle_fem), any(|p| p.rho));
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "k" } th { "λ" }
+                        @if refined { th { "λ refined" } }
+                        @if mpgd { th { "λ M-PGD" } }
+                        @if fem { th { "λ FEM" } }
+                        th { "λ · area" }
+                        @if angle { th { "angle" } }
+                        @if rho { th { "ρ" } }
+                        th { "residual" } th.text { "verdict" } th.text { "source" }
+                    }
+                }
+                tbody {
+                    @for pair in pairs {
+                        tr {
+                            td { (pair.k) } td { (six_digits(pair.lambda)) }
+                            @if refined { td { (pair.lambda_refined.map_or("–".into(), six_digits)) } }
+                            @if mpgd { td { (six_digits(pair.lambda_mpgd)) } }
+                            @if fem { td { (six_digits(pair.lambda_fem)) } }
+                            td { (six_digits(pair.lambda_area)) }
+                            @if angle { td { (two_digits(pair.angle_fem)) } }
+                            @if rho { td { (two_digits(pair.rho)) } }
+                            td { (two_digits(pair.residual)) }
+                            @match pair.verdict {
+                                Verdict::Verified => { td.text.good { "verified" } }
+                                Verdict::Unverified => { td.text.warn { "unverified" } }
+                            }
+                            td.text { (pair.source.name()) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl MeshPage<'_> {
+    /// How the mesh ended.
+    pub fn status(&self) -> Status {
+        self.spectrum.status.into()
+    }
+}
