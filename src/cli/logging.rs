@@ -12,11 +12,16 @@ use tracing_subscriber::filter::EnvFilter;
 use tracing_subscriber::fmt;
 use tracing_subscriber::prelude::*;
 
+use super::Format;
+
 /// Our warnings (the store tells what became of the database), unless `RUST_LOG` says otherwise.
 const DEFAULT: &str = "warn,sled=off";
 
-/// Starts logging. Bars are shown on a terminal only.
-pub fn start() {
+/// What is done, how far it is, the time that it took and the time that is left.
+const BAR: &str = "{msg} {wide_bar} {pos}/{len} {elapsed} < {eta}";
+
+/// Starts logging. Bars are shown on a terminal only, and not among lines for programs.
+pub fn start(format: Format) {
     let otherwise = panic::take_hook();
     panic::set_hook(Box::new(move |panic| match thread::current().name() {
         Some("main") => otherwise(panic),
@@ -25,9 +30,12 @@ pub fn start() {
     let filter = || EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(DEFAULT));
     let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let registry = tracing_subscriber::registry();
-    if stderr().is_terminal() {
-        let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {elapsed}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar());
+    if format == Format::Json {
+        let lines = fmt::layer().json().flatten_event(true).with_writer(stderr);
+        registry.with(lines.with_filter(filter())).init();
+    } else if stderr().is_terminal() {
+        let style =
+            ProgressStyle::with_template(BAR).unwrap_or_else(|_| ProgressStyle::default_bar());
         let bars = IndicatifLayer::new().with_progress_style(style);
         let lines = fmt::layer()
             .with_writer(bars.get_stderr_writer())
@@ -83,7 +91,7 @@ mod tests {
         if std::env::var_os(CHILD).is_none() {
             return;
         }
-        start();
+        start(Format::Human);
         let workers = Workers::start(NonZeroUsize::MIN).unwrap();
         let corner = std::hint::black_box(7);
         assert!(workers.run(move || stage_with_a_defect(corner)).await.is_err());

@@ -6,6 +6,8 @@
 //! - [`signals`]: SIGINT and SIGTERM
 //! - `run`, `watch`, `explain`, `status`, `solve`, `predict`, `model`, `generate`, `info`, `cache`: the
 //!   commands
+//! - `paint`: colours on a terminal
+//! - `shell`: completions and manual pages, made of all of these
 
 mod cache;
 pub mod exit;
@@ -14,8 +16,10 @@ mod generate;
 mod info;
 mod logging;
 mod model;
+mod paint;
 mod predict;
 mod run;
+mod shell;
 mod signals;
 mod solve;
 mod status;
@@ -26,7 +30,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use bytesize::ByteSize;
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 use tracing_indicatif::suspend_tracing_indicatif;
 
 use exit::Exit;
@@ -35,6 +39,17 @@ use exit::Exit;
 #[derive(Debug, Parser)]
 #[command(name = "chladni", version, about, after_help = exit::HELP)]
 struct Cli {
+    /// How log lines on stderr are written: for people, or one JSON object a line; RUST_LOG says which are
+    #[arg(
+        long,
+        value_enum,
+        global = true,
+        env = "CHLADNI_LOG",
+        default_value = "human",
+        value_name = "human|json",
+        hide_possible_values = true
+    )]
+    log: Format,
     #[command(subcommand)]
     command: Command,
 }
@@ -63,9 +78,13 @@ enum Command {
     /// Look after the cache
     #[command(subcommand)]
     Cache(cache::Command),
+    /// Print what a shell needs to complete these commands
+    Completions(shell::Completions),
+    /// Print the manual pages, or write them to a folder
+    Man(shell::Man),
 }
 
-/// How results are shown on stdout.
+/// How results are shown on stdout, and log lines on stderr.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// For people
@@ -98,7 +117,7 @@ struct CacheLimit {
 /// Parses the arguments, does what they say, and returns the exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    logging::start();
+    logging::start(cli.log);
     let exit = match cli.command {
         Command::Run(arguments) => run::execute(arguments),
         Command::Watch(arguments) => watch::execute(&arguments),
@@ -110,6 +129,8 @@ pub fn main() -> ExitCode {
         Command::Predict(arguments) => predict::execute(&arguments),
         Command::Model(command) => model::execute(&command),
         Command::Cache(command) => cache::execute(&command),
+        Command::Completions(arguments) => shell::completions(&arguments, Cli::command()),
+        Command::Man(arguments) => shell::man(&arguments, Cli::command()),
     };
     exit.unwrap_or_else(|refusal| {
         eprintln!("error: {refusal}");

@@ -10,6 +10,7 @@ use tokio::runtime::Runtime;
 use tokio_util::sync::CancellationToken;
 
 use super::exit::Exit;
+use super::paint::painted;
 use super::signals::stop_on_signals;
 use super::task::{Part, Task, given_model};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
@@ -107,7 +108,7 @@ impl Runner<'_> {
             let Ended { report, defect } = self.run(part)?;
             match self.arguments.format {
                 Format::Json => print_json(&report)?,
-                Format::Human => print(&run_table(&report))?,
+                Format::Human => print(&painted(&run_table(&report)))?,
             }
             exits.push(self.exit(&report, defect));
         }
@@ -144,7 +145,7 @@ impl Runner<'_> {
             .map_err(Refusal::usage)?;
         match self.arguments.format {
             Format::Json => print_json(&report)?,
-            Format::Human => print(&format!("\n{}", sweep_table(&report)))?,
+            Format::Human => print(&format!("\n{}", painted(&sweep_table(&report))))?,
         }
         Ok(Exit::gravest(exits))
     }

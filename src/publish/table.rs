@@ -16,7 +16,7 @@ use crate::spectrum::mpgd::StoppedBy;
 const SHORT_HASH: usize = 12;
 
 /// An eigenvalue below this multiple of the largest one shown is zero to working precision.
-const ZERO: f64 = 1e-9;
+pub const ZERO: f64 = 1e-9;
 
 /// A column: its title, how it is aligned, and its text for a pair.
 struct Column {

@@ -4,16 +4,16 @@ use std::f64::consts::PI;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 use super::frame::{badge, flow, page};
-use super::plot::{Axes, Mark, Scale, Series, plot};
+use super::plot::{Axes, Mark, Scale, Series, figure};
 use super::viewer::{MOST_VERTICES, viewer};
 use crate::mesh::TriMesh;
 use crate::publish::picture::{Up, View, draw};
-use crate::publish::report::{RunRecord, Status};
+use crate::publish::report::RunRecord;
 use crate::publish::result::{Eigenpair, Source, Spectrum, Verdict};
-use crate::publish::table::{completeness, duration, six_digits, two_digits};
+use crate::publish::table::{ZERO, completeness, duration, six_digits, two_digits};
 use crate::spectrum::Eigenpairs;
 use crate::spectrum::pencil::column;
 
@@ -117,6 +117,9 @@ impl MeshPage<'_> {
         };
         let series = |name: &str, points, mark| Series { name: name.into(), points, mark };
         let area = self.spectrum.mesh.area;
+        // λ = 0 is measured by other means.
+        let is_zero = |p: &Eigenpair| p.lambda_fem.abs() * area < 1e-6;
+        let unless_zero = |p: &Eigenpair, x: f64| if is_zero(p) { f64::NAN } else { x };
         let spectrum = [
             series("λ · area", by_k(&|p| p.lambda * area), Mark::Line),
             series("FEM", by_k(&|p| p.lambda_fem * area), Mark::Points),
@@ -127,18 +130,11 @@ impl MeshPage<'_> {
             let has = |series: &Series| series.points.iter().any(|p| p.1.is_finite());
             all.into_iter().filter(has).collect()
         };
-        let off = |p: &Eigenpair| {
-            // λ = 0 is measured by other means.
-            if p.lambda_fem * area > 1e-6 {
-                (p.lambda / p.lambda_fem - 1.0).abs()
-            } else {
-                f64::NAN
-            }
-        };
+        let off = |p: &Eigenpair| unless_zero(p, (p.lambda / p.lambda_fem - 1.0).abs());
         let errors = [
             series("relative difference of λ from FEM", by_k(&off), Mark::Line),
-            series("angle to FEM", by_k(&|p| p.angle_fem), Mark::Line),
-            series("residual / λ", by_k(&|p| p.residual / p.lambda.abs()), Mark::Dashed),
+            series("angle to FEM", by_k(&|p| unless_zero(p, p.angle_fem)), Mark::Line),
+            series("residual / λ", by_k(&|p| unless_zero(p, p.residual / p.lambda)), Mark::Line),
         ];
         let learned = pairs.iter().any(|pair| pair.angle_fem.is_finite());
         let errors: Vec<Series> = errors
@@ -149,30 +145,26 @@ impl MeshPage<'_> {
             .map(|(_, series)| series)
             .collect();
         let curves = self.curves.iter().map(|Curve { name, quotients }| {
-            let points = quotients.iter().enumerate().map(|(i, &q)| ((i + 1) as f64, q)).collect();
-            series(name, points, Mark::Line)
+            // Relative to where it ends: quotients of different eigenfunctions differ by more than any training changes.
+            let last = &quotients[quotients.len() - quotients.len().div_ceil(10)..];
+            let end = last.iter().sum::<f64>() / last.len() as f64;
+            let points = quotients.iter().enumerate();
+            series(name, points.map(|(i, &q)| ((i + 1) as f64, q / end)).collect(), Mark::Line)
         });
+        let (linear, log) = (Scale::Linear, Scale::Logarithmic);
         let axes = |x, y, scale| Axes { x, y, scale };
         let shown = [
-            ("Spectrum", plot(&axes("k", "λ · area", Scale::Linear), &present(spectrum.into()))),
-            ("Errors", plot(&axes("k", "", Scale::Logarithmic), &present(errors))),
-            (
-                "Training",
-                plot(
-                    &axes("step", "Rayleigh quotient · area", Scale::Logarithmic),
-                    &curves.collect::<Vec<_>>(),
-                ),
+            figure("Spectrum", &axes("k", "λ · area", linear), &present(spectrum.into())),
+            figure("Errors", &axes("k", "", log), &present(errors)),
+            figure(
+                "Training, relative to its end",
+                &axes("step", "Rayleigh quotient", log),
+                &curves.collect::<Vec<_>>(),
             ),
         ];
         html! {
             h2 { "In pictures" }
-            div.plots {
-                @for (title, svg) in shown {
-                    @if let Some(svg) = svg {
-                        figure { (PreEscaped(svg)) figcaption { (title) } }
-                    }
-                }
-            }
+            div.plots { @for figure in shown.into_iter().flatten() { (figure) } }
         }
     }
 
@@ -245,6 +237,10 @@ fn table(pairs: &[Eigenpair]) -> Markup {
     let refined = pairs.iter().any(|pair| pair.lambda_refined.is_some());
     let (fem, mpgd) = (any(|p| p.lambda_fem), any(|p| p.lambda_mpgd));
     let (angle, rho) = (any(|p| p.angle_fem), any(|p| p.rho));
+    // Of a learned pair high frequencies dominate it.
+    let residual = any(|p| p.residual) && (!angle || refined);
+    let largest = pairs.iter().fold(0.0_f64, |m, pair| m.max(pair.lambda.abs()));
+    let value = |x: f64| if x.abs() < ZERO * largest { "0".into() } else { six_digits(x) };
     html! {
         div.scroll {
             table {
@@ -257,20 +253,21 @@ fn table(pairs: &[Eigenpair]) -> Markup {
                         th { "λ · area" }
                         @if angle { th { "angle" } }
                         @if rho { th { "ρ" } }
-                        th { "residual" } th.text { "verdict" } th.text { "source" }
+                        @if residual { th { "residual" } }
+                        th.text { "verdict" } th.text { "source" }
                     }
                 }
                 tbody {
                     @for pair in pairs {
                         tr {
-                            td { (pair.k) } td { (six_digits(pair.lambda)) }
-                            @if refined { td { (pair.lambda_refined.map_or("–".into(), six_digits)) } }
-                            @if mpgd { td { (six_digits(pair.lambda_mpgd)) } }
-                            @if fem { td { (six_digits(pair.lambda_fem)) } }
-                            td { (six_digits(pair.lambda_area)) }
+                            td { (pair.k) } td { (value(pair.lambda)) }
+                            @if refined { td { (pair.lambda_refined.map_or("–".into(), value)) } }
+                            @if mpgd { td { (value(pair.lambda_mpgd)) } }
+                            @if fem { td { (value(pair.lambda_fem)) } }
+                            td { (if value(pair.lambda) == "0" { "0".into() } else { six_digits(pair.lambda_area) }) }
                             @if angle { td { (two_digits(pair.angle_fem)) } }
                             @if rho { td { (two_digits(pair.rho)) } }
-                            td { (two_digits(pair.residual)) }
+                            @if residual { td { (two_digits(pair.residual)) } }
                             @match pair.verdict {
                                 Verdict::Verified => { td.text.good { "verified" } }
                                 Verdict::Unverified => { td.text.warn { "unverified" } }
@@ -281,12 +278,5 @@ fn table(pairs: &[Eigenpair]) -> Markup {
                 }
             }
         }
-    }
-}
-
-impl MeshPage<'_> {
-    /// How the mesh ended.
-    pub fn status(&self) -> Status {
-        self.spectrum.status.into()
     }
 }

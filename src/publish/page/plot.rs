@@ -1,5 +1,6 @@
 //! Plots of a page, as SVG whose ink is that of the page.
 
+use maud::{Markup, PreEscaped, html};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
@@ -51,8 +52,24 @@ const COLOURS: [RGBColor; 6] = [
 /// Ink, as the library writes it, and as the page has it.
 const INK: (&str, &str) = ("#000000", "currentColor");
 
-/// The SVG element; `None` where there is nothing to show.
-pub fn plot(axes: &Axes<'_>, series: &[Series]) -> Option<String> {
+/// The plot with its title and what its lines are; `None` where there is nothing to show.
+pub fn figure(title: &str, axes: &Axes<'_>, series: &[Series]) -> Option<Markup> {
+    let svg = plot(axes, series)?;
+    Some(html! {
+        figure {
+            (PreEscaped(svg))
+            figcaption {
+                b { (title) } ": "
+                @for (i, Series { name, .. }) in series.iter().enumerate() {
+                    @let RGBColor(r, g, b) = COLOURS[i % COLOURS.len()];
+                    span.key { span style={ "background: rgb(" (r) " " (g) " " (b) ")" } {} (name) }
+                }
+            }
+        }
+    })
+}
+
+fn plot(axes: &Axes<'_>, series: &[Series]) -> Option<String> {
     let shown = |p: &(f64, f64)| {
         p.0.is_finite() && p.1.is_finite() && (axes.scale == Scale::Linear || p.1 > 0.0)
     };
@@ -116,15 +133,15 @@ where
         .x_label_formatter(&number)
         .y_label_formatter(&number)
         .label_style(text.clone())
-        .axis_desc_style(text.clone())
+        .axis_desc_style(text)
         .bold_line_style(BLACK.mix(0.12))
         .light_line_style(BLACK.mix(0.0))
         .axis_style(BLACK.mix(0.5))
         .draw()?;
-    for (i, Series { name, points, mark }) in series.iter().enumerate() {
+    for (i, Series { points, mark, .. }) in series.iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
         let points = || points.iter().copied().filter(|p| shown(p));
-        let drawn = match mark {
+        match mark {
             Mark::Line => chart.draw_series(LineSeries::new(points(), colour.stroke_width(2)))?,
             Mark::Dashed => {
                 let style = colour.stroke_width(2);
@@ -134,17 +151,6 @@ where
                 chart.draw_series(points().map(|p| Circle::new(p, 3, colour.filled())))?
             }
         };
-        if !name.is_empty() {
-            drawn.label(name).legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
-        }
-    }
-    if series.iter().any(|series| !series.name.is_empty()) {
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
-            .label_font(text)
-            .border_style(BLACK.mix(0.0))
-            .draw()?;
     }
     root.present()?;
     Ok(())

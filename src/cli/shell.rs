@@ -1,0 +1,64 @@
+//! `chladni completions` and `chladni man`: what shells and manual readers need, made of the command line itself.
+
+use std::path::PathBuf;
+
+use clap::Command;
+use clap_complete::Shell;
+use clap_mangen::Man as Page;
+
+use super::exit::Exit;
+use super::{Refusal, print};
+use crate::publish::atomic;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  chladni completions bash > ~/.local/share/bash-completion/completions/chladni
+  chladni completions zsh > ~/.zfunc/_chladni
+  chladni completions fish > ~/.config/fish/completions/chladni.fish")]
+pub struct Completions {
+    /// Which shell
+    #[arg(value_enum)]
+    shell: Shell,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  chladni man | man -l -
+  chladni man --out ~/.local/share/man/man1")]
+pub struct Man {
+    /// A folder for a page of every command, chladni-run.1 and so on
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Prints the completions of `command`.
+pub fn completions(arguments: &Completions, mut command: Command) -> Result<Exit, Refusal> {
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut command, "chladni", &mut script);
+    print(&String::from_utf8_lossy(&script))?;
+    Ok(Exit::Success)
+}
+
+/// Prints the page of `command`, or writes those of all its commands.
+pub fn man(arguments: &Man, mut command: Command) -> Result<Exit, Refusal> {
+    command.build();
+    let Some(folder) = &arguments.out else {
+        print(&String::from_utf8_lossy(&page(&command)?))?;
+        return Ok(Exit::Success);
+    };
+    let mut open = vec![command];
+    while let Some(command) = open.pop() {
+        let name = command.get_display_name().unwrap_or(command.get_name());
+        let file = folder.join(format!("{name}.1"));
+        atomic::write(&file, &page(&command)?).map_err(Refusal::usage)?;
+        open.extend(command.get_subcommands().filter(|c| c.get_name() != "help").cloned());
+    }
+    print(&format!("the manual pages are in {}", folder.display()))?;
+    Ok(Exit::Success)
+}
+
+fn page(command: &Command) -> Result<Vec<u8>, Refusal> {
+    let mut text = Vec::new();
+    Page::new(command.clone()).render(&mut text).map_err(Refusal::internal)?;
+    Ok(text)
+}
