@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::exit::Exit;
+use super::paint::painted;
 use super::{Format, Refusal, print, print_json};
 use crate::operators::{Boundary, Laplacian, MassKind, OperatorOptions};
 use crate::pipeline::{Method, Pipeline};
@@ -138,7 +139,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     report.seconds = started.elapsed().as_secs_f64();
     match arguments.format {
         Format::Json => print_json(&document(&path, &spectrum, &report))?,
-        Format::Human => print(&mesh_table(&report))?,
+        Format::Human => print(&painted(&mesh_table(&report)))?,
     }
     Ok(match report.status {
         Status::Verified => Exit::Success,
