@@ -12,9 +12,11 @@ use super::exit::Exit;
 use super::signals::stop_on_signals;
 use super::task::{Part, Task, given_model};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
+use crate::descriptors::Descriptor;
 use crate::flow::events::EventFile;
 use crate::pipeline::sweep::Comparison;
 use crate::publish::atomic;
+use crate::publish::export::shape_dna;
 use crate::publish::report::{RunReport, Status};
 use crate::publish::sweep::{CaseReport, SweepReport};
 use crate::publish::table::{run_table, summary, sweep_table};
@@ -151,6 +153,7 @@ impl Runner<'_> {
         let Self { arguments, store, cancel, .. } = self;
         let lineage = arguments.task.lineage(&part);
         let Part { pipeline, jobs, out, .. } = part;
+        let compares = pipeline.publish.descriptors.contains(&Descriptor::ShapeDna);
         let events = std::fs::create_dir_all(&out)
             .and_then(|()| EventFile::append(&out.join("events.jsonl")))
             .map_err(|error| {
@@ -164,7 +167,7 @@ impl Runner<'_> {
             model: given_model(&pipeline, store.as_ref())?,
             pipeline,
             jobs,
-            out,
+            out: out.clone(),
             store: store.clone(),
             workers: arguments.jobs.unwrap_or_else(cores),
             memory: arguments.memory.map_or_else(half_of_the_memory, |size| size.as_u64()),
@@ -176,7 +179,13 @@ impl Runner<'_> {
             checkpoint_every: Duration::from_secs_f64(arguments.checkpoint),
             events: Arc::new(events),
         };
-        self.runtime.block_on(run(request)).map_err(Refusal::internal)
+        let ended = self.runtime.block_on(run(request)).map_err(Refusal::internal)?;
+        let written = match compares {
+            true => shape_dna::write(&out, &ended.report),
+            false => shape_dna::remove_files(&out),
+        };
+        written.map_err(Refusal::usage)?;
+        Ok(ended)
     }
 
     fn exit(&self, report: &RunReport, defect: bool) -> Exit {

@@ -1,6 +1,8 @@
-//! From certified eigenpairs to files: `eigen.npz`, `eigen.ply`, `recipe.toml`, `run.json`, and last `spectrum.json`.
+//! From certified eigenpairs to files: those of `publish.formats`, `descriptors.npz`, `recipe.toml`, `run.json`, and last
+//! `spectrum.json`.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::json;
@@ -12,15 +14,16 @@ use super::ingest::Loaded;
 use super::predict::Predicted;
 use super::train::TrainedBlock;
 use super::verify::{Deviations, Verified};
+use crate::descriptors::Basis;
 use crate::flow::events::How;
 use crate::mesh::Area;
 use crate::operators::mass::row_sums;
-use crate::operators::{Laplacian, MassKind};
-use crate::pipeline::{Method, Pipeline, Train};
+use crate::operators::{Laplacian, MassKind, Operators};
+use crate::pipeline::{ExportFormat, Method, Pipeline, Train};
 use crate::publish::PublishError;
 use crate::publish::atomic::{remove, write_if_changed};
+use crate::publish::export;
 use crate::publish::npz::EigenArrays;
-use crate::publish::ply::to_ply;
 use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
 use crate::publish::result::{
     AgainstFormula, Eigenpair, Inheritance, MeshSummary, Provenance, Source, Spectrum, Verdict,
@@ -48,6 +51,7 @@ pub fn publish(context: &Context, item: usize, verified: Verified) -> Result<Mes
         reason: (!judgement.is_verified()).then(|| judgement.reason()),
         recipe_file: origin.chosen().and_then(|chosen| chosen.recipe_file.clone()),
         spectrum,
+        operators: Some(assembled.operators),
     };
     write(context, item, assembled.loaded, results, |stages| record(stages, &origin, &order))
 }
@@ -64,6 +68,14 @@ pub fn publish_predicted(
     let spectrum = predicted_spectrum(context, &predicted);
     let Predicted { loaded, pencil, vectors, how, refinement, .. } = predicted;
     let order: Vec<usize> = (0..vectors.ncols()).collect();
+    // A prediction has no matrices of its own.
+    let wanted = context.pipeline.publish.formats.iter().any(|format| format.takes_operators());
+    let operators = match wanted {
+        true => {
+            Some(Operators::assemble(&loaded.ingested.mesh, context.pipeline.operators)?.into())
+        }
+        false => None,
+    };
     let learned = || Eigenpairs {
         values: spectrum.eigenpairs.iter().map(|pair| pair.lambda).collect(),
         vectors,
@@ -75,6 +87,7 @@ pub fn publish_predicted(
         reason: Some(NOT_VERIFIED.into()),
         recipe_file: None,
         spectrum,
+        operators,
     };
     write(context, item, loaded, results, |stages| solved_record(stages, how, order.len()))
 }
@@ -94,6 +107,8 @@ struct Results {
     reason: Option<String>,
     /// The recipe that a search has found.
     recipe_file: Option<String>,
+    /// What the eigenpairs are of.
+    operators: Option<Arc<Operators>>,
 }
 
 fn write(
@@ -104,19 +119,25 @@ fn write(
     record: impl FnOnce(Vec<StageRecord>) -> RunRecord,
 ) -> Result<MeshReport, Failure> {
     let started = Instant::now();
-    let Results { pairs, mass, mass_kind, spectrum, reason, recipe_file } = results;
+    let Results { pairs, mass, mass_kind, spectrum, reason, recipe_file, operators } = results;
     let mesh = &loaded.ingested.mesh;
     let folder = context.out.join(&loaded.job.name);
+    let descriptors = descriptors(context, &pairs, &mass, mesh.area())?;
     let document = spectrum.to_json();
     withdraw(&folder, Some(&document))?;
     let vertex_map = &loaded.ingested.vertex_map;
     let arrays = EigenArrays { mesh, pairs: &pairs, mass: &mass, mass_kind, vertex_map };
-    write_if_changed(&folder.join(ARRAYS), &arrays.to_npz())?;
-    let ply = folder.join(SURFACE);
-    if context.pipeline.publish.ply {
-        write_if_changed(&ply, &to_ply(mesh, &pairs))?;
-    } else {
-        remove(&ply)?;
+    let exported = export::Results { arrays, spectrum: &spectrum, operators: operators.as_deref() };
+    for format in ExportFormat::ALL {
+        match context.pipeline.publish.writes(format) {
+            true => export::write(format, &exported, &folder)?,
+            false => export::remove_files(format, &folder)?,
+        }
+    }
+    let path = folder.join(export::descriptors::FILE);
+    match descriptors {
+        Some(bytes) => drop(write_if_changed(&path, &bytes)?),
+        None => remove(&path)?,
     }
     // A recipe is there to be used by other runs: one that finds none leaves an earlier one where it is.
     if let Some(text) = recipe_file {
@@ -129,6 +150,21 @@ fn write(
     write_if_changed(&folder.join(SPECTRUM), &document)?;
     let folder = folder.display().to_string();
     Ok(MeshReport::finished(loaded.job.name, folder, &spectrum, reason, &record))
+}
+
+/// The bytes of `descriptors.npz`, if any are asked for.
+fn descriptors(
+    context: &Context,
+    pairs: &Eigenpairs,
+    mass: &[f64],
+    area: Area,
+) -> Result<Option<Vec<u8>>, Failure> {
+    let asked = &context.pipeline.publish.descriptors;
+    if asked.is_empty() {
+        return Ok(None);
+    }
+    let basis = Basis::new(pairs, mass.iter().sum());
+    Ok(Some(export::descriptors::to_npz(asked, &basis, area)?))
 }
 
 /// The report of a mesh whose results are not written.
@@ -150,8 +186,6 @@ pub fn unwritten_predicted(spectrum: &Spectrum, predicted: Predicted) -> MeshRep
     MeshReport { out: None, ..MeshReport::finished(name, String::new(), spectrum, reason, &record) }
 }
 
-const ARRAYS: &str = "eigen.npz";
-const SURFACE: &str = "eigen.ply";
 const RECIPE: &str = "recipe.toml";
 
 /// The file that tells what the work was.
@@ -178,8 +212,11 @@ pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishErro
 pub fn remove_results(out: &Path, name: &str) -> Result<(), PublishError> {
     let folder = out.join(name);
     // First the one that says that the others are whole.
-    for file in [SPECTRUM, RUN, ARRAYS, SURFACE, RECIPE] {
+    for file in [SPECTRUM, RUN, export::descriptors::FILE, RECIPE] {
         remove(&folder.join(file))?;
+    }
+    for format in ExportFormat::ALL {
+        export::remove_files(format, &folder)?;
     }
     let folders = folder.ancestors().take_while(|folder| *folder != out);
     for folder in folders {
