@@ -1,7 +1,7 @@
 //! Eigenpairs as a basis of functions, and which of them belong to λ = 0.
 //!
-//! A surface of c pieces has λ = 0 c times, and rounding makes something like 1e-15 of it. Formulas that divide by λ, or take its
-//! logarithm, begin after these; sums over all eigenfunctions have them in.
+//! A surface of c pieces has λ = 0 c times, and rounding makes something like 1e-15 of it. Formulas that divide by λ, or
+//! take its logarithm, begin after these; sums over all eigenfunctions have them in.
 
 use super::{Counted, Descriptor, TooFew};
 use crate::spectrum::cluster::zero_below;

@@ -1,7 +1,8 @@
 //! Spectral coordinates: the first three eigenfunctions of λ > 0 as x, y and z of a point.
 //!
-//! Eigenmaps (M. Belkin and P. Niyogi, Laplacian eigenmaps for dimensionality reduction and data representation, Neural Computation 15,
-//! 2003) as they are used to see and to segment shapes: φ₂, φ₃ and φ₄ of a mesh of one piece. In 1/(input unit).
+//! Eigenmaps (M. Belkin and P. Niyogi, Laplacian eigenmaps for dimensionality reduction and data representation, Neural
+//! Computation 15, 2003) as they are used to see and to segment shapes: φ₂, φ₃ and φ₄ of a mesh of one piece. In 1/(input
+//! unit).
 
 use super::{Basis, Descriptor, TooFew};
 use crate::spectrum::Dense;

@@ -1,8 +1,8 @@
 //! Diffusion distances: two points are near when heat from either spreads alike.
 //!
-//! R. R. Coifman and S. Lafon, Diffusion maps, Applied and Computational Harmonic Analysis 21 (2006):
-//! d_t(x, y)² = Σ exp(−2λ_k t) (φ_k(x) − φ_k(y))², which is ‖k_t(x, ·) − k_t(y, ·)‖² over the surface. In 1/(input unit); t in (input unit)². Points of
-//! different pieces are apart at every time, since no heat goes from one to the other.
+//! R. R. Coifman and S. Lafon, Diffusion maps, Applied and Computational Harmonic Analysis 21 (2006): d_t(x, y)² = Σ
+//! exp(−2λ_k t) (φ_k(x) − φ_k(y))², which is ‖k_t(x, ·) − k_t(y, ·)‖² over the surface. In 1/(input unit); t in (input
+//! unit)². Points of different pieces are apart at every time, since no heat goes from one to the other.
 
 use super::Basis;
 

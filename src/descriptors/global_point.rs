@@ -1,8 +1,8 @@
 //! GPS, the global point signature: every point at (φ_k(x)/√λ_k) over λ_k > 0.
 //!
-//! R. M. Rustamov, Laplace–Beltrami eigenfunctions for deformation invariant shape representation, Symposium on Geometry Processing
-//! (2007). The inner product of two points is Green's function G(x, y) = Σ φ_k(x) φ_k(y)/λ_k. It has no unit and does not change with size; the
-//! signs, and the basis inside an eigenspace, are those of the eigenfunctions.
+//! R. M. Rustamov, Laplace–Beltrami eigenfunctions for deformation invariant shape representation, Symposium on Geometry
+//! Processing (2007). The inner product of two points is Green's function G(x, y) = Σ φ_k(x) φ_k(y)/λ_k. It has no unit and
+//! does not change with size; the signs, and the basis inside an eigenspace, are those of the eigenfunctions.
 
 use super::{Basis, Descriptor, TooFew};
 use crate::spectrum::Dense;

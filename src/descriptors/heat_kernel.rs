@@ -1,8 +1,9 @@
 //! HKS, the heat kernel signature: how much of the heat that is put on a point is still there at time t.
 //!
-//! J. Sun, M. Ovsjanikov and L. Guibas, A concise and provably informative multi-scale signature based on heat diffusion, Computer
-//! Graphics Forum 28 (2009): k_t(x, x) = Σ exp(−λ_k t) φ_k(x)², over all k, those of λ = 0 among them. It is in 1/(input unit)², and
-//! t in (input unit)². Scaled by the heat trace Σ exp(−λ_k t) = ∫ k_t(x, x) dx, all times weigh the same.
+//! J. Sun, M. Ovsjanikov and L. Guibas, A concise and provably informative multi-scale signature based on heat diffusion,
+//! Computer Graphics Forum 28 (2009): k_t(x, x) = Σ exp(−λ_k t) φ_k(x)², over all k, those of λ = 0 among them. It is in
+//! 1/(input unit)², and t in (input unit)². Scaled by the heat trace Σ exp(−λ_k t) = ∫ k_t(x, x) dx, all times weigh the
+//! same.
 
 use super::{Basis, Descriptor, TooFew};
 use crate::spectrum::Dense;
@@ -11,7 +12,8 @@ use crate::spectrum::pencil::{column_mut, combine};
 /// How many times the paper takes.
 pub const TIMES: usize = 100;
 
-/// `count` times, a constant factor apart, from 4 ln 10/λ_K, with the largest λ, to 4 ln 10/λ₂, with the smallest that is not 0.
+/// `count` times, a constant factor apart, from 4 ln 10/λ_K, with the largest λ, to 4 ln 10/λ₂, with the smallest that is
+/// not 0.
 ///
 /// # Errors
 /// When no λ is positive.

@@ -120,7 +120,7 @@ fn every_piece_has_its_own_zero() {
     let [low, high] = [pairs.values[2], pairs.values[7]].map(|value| 4.0 * 10_f64.ln() / value);
     assert!((times[0] / high - 1.0).abs() < 1e-12 && (times[1] / low - 1.0).abs() < 1e-12);
     // Long after, heat is even on its piece.
-    let [(first, _), (second, _)] = [(0, ()), (42, ())];
+    let (first, second) = (0, 42);
     let hks = heat_kernel::hks(&basis, &[1e4]);
     let area = |faces: std::ops::Range<usize>| {
         mesh.face_areas().skip(faces.start).take(faces.len()).sum::<f64>()
@@ -150,11 +150,12 @@ fn computed_pairs_of_a_sphere_come_near_the_formulas() {
         let of_degree = |l: i32| f64::from(2 * l + 1) * (-f64::from(l * (l + 1)) * t).exp();
         let expected = (0..7).map(of_degree).sum::<f64>() / (4.0 * PI);
         let worst = found.col(i).iter().map(|v| (v / expected - 1.0).abs()).fold(0.0, f64::max);
-        assert!(worst < 0.02, "t = {t}: {worst}");
+        assert!(worst < 0.005, "t = {t}: {worst}");
     }
     let wks = wave_kernel::wks(&basis, &Energies::of(&basis, 100).unwrap());
     let worst = |v: f64| (v * 4.0 * PI - 1.0).abs();
-    assert!(wks.col_iter().flat_map(|c| c.iter().copied()).map(worst).fold(0.0, f64::max) < 0.02);
+    let worst = wks.col_iter().flat_map(|c| c.iter().copied()).map(worst).fold(0.0, f64::max);
+    assert!(worst < 0.03, "{worst}");
     for (found, l) in
         [(1, 1), (4, 2), (9, 3), (16, 4)].map(|(j, l)| (pairs.values[j], f64::from(l)))
     {

@@ -9,8 +9,9 @@
 //! - [`coordinates`]: the first eigenfunctions as coordinates
 //! - [`projection`]: functions as coefficients of eigenfunctions, and back
 //!
-//! With n vertices, K pairs of which c belong to λ = 0. None of these depends on the signs of the eigenfunctions but GPS and the
-//! coordinates, nor on their basis inside an eigenspace but these two; all work goes row by row, so that no matrix is n×n.
+//! With n vertices, K pairs of which c belong to λ = 0. None of these depends on the signs of the eigenfunctions but GPS
+//! and the coordinates, nor on their basis inside an eigenspace but these two; all work goes row by row, so that no matrix
+//! is n×n.
 
 pub mod basis;
 pub mod coordinates;

@@ -1,7 +1,7 @@
 //! ShapeDNA: the lowest eigenvalues of a shape, by themselves a fingerprint that does not change as it bends.
 //!
-//! M. Reuter, F.-E. Wolter and N. Peinecke, Laplace–Beltrami spectra as "Shape-DNA" of surfaces and solids, Computer-Aided Design
-//! 38 (2006). Scaling a surface by s divides λ by s²; normalised, shapes of different sizes can be compared.
+//! M. Reuter, F.-E. Wolter and N. Peinecke, Laplace–Beltrami spectra as "Shape-DNA" of surfaces and solids, Computer-Aided
+//! Design 38 (2006). Scaling a surface by s divides λ by s²; normalised, shapes of different sizes can be compared.
 
 /// What λ is multiplied by, so that size does not count.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +29,8 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The distances between all of m shapes, m rows of m; over as many eigenvalues as all have, so that they are distances in one space.
+/// The distances between all of m shapes, m rows of m; over as many eigenvalues as all have, so that they are distances in
+/// one space.
 pub fn distances(shapes: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let k = shapes.iter().map(Vec::len).min().unwrap_or(0);
     let row = |a: &Vec<f64>| shapes.iter().map(|b| distance(&a[..k], &b[..k])).collect();

@@ -1,8 +1,8 @@
 //! WKS, the wave kernel signature: how likely a quantum particle of energy about e is met at a point.
 //!
-//! M. Aubry, U. Schlickewei and D. Cremers, The wave kernel signature: a quantum mechanical approach to shape analysis, ICCV
-//! Workshops (2011): WKS(x, e) = C_e Σ φ_k(x)² exp(−(e − ln λ_k)²/2σ²) over λ_k > 0, where C_e = 1/Σ exp(−(e − ln λ_k)²/2σ²), so that the
-//! integral over the surface is 1 for every e. In 1/(input unit)².
+//! M. Aubry, U. Schlickewei and D. Cremers, The wave kernel signature: a quantum mechanical approach to shape analysis,
+//! ICCV Workshops (2011): WKS(x, e) = C_e Σ φ_k(x)² exp(−(e − ln λ_k)²/2σ²) over λ_k > 0, where C_e = 1/Σ exp(−(e − ln
+//! λ_k)²/2σ²), so that the integral over the surface is 1 for every e. In 1/(input unit)².
 
 use super::{Basis, Descriptor, TooFew};
 use crate::spectrum::Dense;
@@ -24,8 +24,8 @@ pub struct Energies {
 }
 
 impl Energies {
-    /// `count` energies, 29 or more. With δ = (ln λ_K − ln λ₂)/count, from the smallest λ that is not 0 to the largest, σ is 7δ, and e goes from
-    /// ln λ₂ + 2σ to ln λ_K − 2σ in even steps.
+    /// `count` energies, 29 or more. With δ = (ln λ_K − ln λ₂)/count, from the smallest λ that is not 0 to the largest, σ
+    /// is 7δ, and e goes from ln λ₂ + 2σ to ln λ_K − 2σ in even steps.
     ///
     /// # Errors
     /// When there are not two different λ > 0.

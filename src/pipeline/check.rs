@@ -182,7 +182,7 @@ impl Pipeline {
             return Err(PipelineError::Value {
                 key: "publish.descriptors",
                 value: format!("{:?}", Descriptor::ShapeDna.name()),
-                rule: "multiplies λ by the area, which the graph Laplacian knows nothing of; leave it out, or choose \"cotangent\" or \"fem\"",
+                rule: "multiplies λ by the area, which the graph Laplacian does not see; leave it out",
             });
         }
         Ok(())

@@ -1,4 +1,5 @@
-//! Tables as text: RFC 4180, a header line, commas, and quotes where a field needs them. What is not a number, or was not measured, is empty.
+//! Tables as text: RFC 4180, a header line, commas, and quotes where a field needs them. What is not a number, or was not
+//! measured, is empty.
 //!
 //! `spectrum.csv` has one line for every eigenpair, with what `spectrum.json` says of it.
 

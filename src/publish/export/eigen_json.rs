@@ -1,7 +1,7 @@
 //! `eigen.json`: eigenpairs and mesh as one JSON document, for programs without numpy.
 //!
-//! As compact as JSON is: one line, every number in the shortest decimals that are the same double. Eigenvectors come one after the other,
-//! each with its n values.
+//! As compact as JSON is: one line, every number in the shortest decimals that are the same double. Eigenvectors come one
+//! after the other, each with its n values.
 
 use serde::{Serialize, Serializer};
 

@@ -1,7 +1,8 @@
 //! The mesh in the colours of its eigenfunctions as binary glTF 2.0: one figure for each, in a row along x.
 //!
-//! All figures share positions, in single precision, and triangles; each is a node `phi_k` with a mesh whose COLOR_0 is φ_k and whose `extras` have
-//! λ_k. Colours are viridis from −max |φ_k| to max |φ_k|, as in the pictures; glTF takes colours of vertices in linear light.
+//! All figures share positions, in single precision, and triangles; each is a node `phi_k` with a mesh whose COLOR_0 is φ_k
+//! and whose `extras` have λ_k. Colours are viridis from −max |φ_k| to max |φ_k|, as in the pictures; glTF takes colours of
+//! vertices in linear light.
 
 use colorous::VIRIDIS;
 use serde_json::{Value, json};
@@ -34,7 +35,8 @@ pub fn to_glb(mesh: &TriMesh, pairs: &Eigenpairs) -> Result<Vec<u8>, TooLarge> {
     let binary: u64 = 12 * n + 12 * m + 8 * n * k;
     let mut text = document(mesh, pairs, lengths, binary).to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
-    let whole = TooLarge::unless_counted(12 + 8 + text.len() as u64 + 8 + binary)?;
+    let bytes = 12 + 8 + text.len() as u64 + 8 + binary;
+    let whole = u32::try_from(bytes).map_err(|_| TooLarge { bytes })?;
     let mut bytes = Vec::with_capacity(whole as usize);
     let chunk = |length: u64, kind: &[u8; 4]| [&(length as u32).to_le_bytes()[..], kind].concat();
     bytes.extend(b"glTF");

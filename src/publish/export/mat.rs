@@ -1,7 +1,8 @@
 //! `eigen.mat`: eigenpairs and mesh for MATLAB and Octave, as a MAT-file of level 5, uncompressed.
 //!
-//! The MathWorks, MAT-File Format (R2015): a header of 128 bytes, then an element miMATRIX for each variable. All are double, columns first:
-//! `evals` K×1, `evecs` n×K, `mass` n×1, `vertices` n×3, `faces` m×3, counted from 1 as MATLAB does. The header has no time.
+//! The MathWorks, MAT-File Format (R2015): a header of 128 bytes, then an element miMATRIX for each variable. All are
+//! double, columns first: `evals` K×1, `evecs` n×K, `mass` n×1, `vertices` n×3, `faces` m×3, counted from 1 as MATLAB does.
+//! The header has no time.
 
 use super::TooLarge;
 use crate::publish::npz::EigenArrays;
@@ -20,7 +21,7 @@ const DOUBLE_CLASS: u32 = 6;
 /// The bytes of `eigen.mat`.
 ///
 /// # Errors
-/// When a variable has 4 GiB or more.
+/// When a variable has 2 GiB or more, which MATLAB does not read.
 pub fn to_mat(arrays: &EigenArrays<'_>) -> Result<Vec<u8>, TooLarge> {
     let (mesh, pairs) = (arrays.mesh, arrays.pairs);
     let (n, m, k) = (mesh.n(), mesh.faces().len(), pairs.len());
@@ -58,7 +59,9 @@ fn variable(
     let length = 8 * rows as u64 * columns as u64;
     // Flags, dimensions, name, values; each after its tag of 8.
     let whole = 16 + 16 + 8 + name.len().next_multiple_of(8) as u64 + 8 + length;
-    TooLarge::unless_counted(whole)?;
+    if i32::try_from(whole).is_err() {
+        return Err(TooLarge { bytes: whole });
+    }
     let words = |words: [u32; 2]| words.into_iter().flat_map(u32::to_le_bytes);
     bytes.extend(words([MATRIX, whole as u32]));
     bytes.extend(words([UINT32, 8]));
@@ -107,6 +110,13 @@ mod tests {
             at = end;
         }
         variables
+    }
+
+    #[test]
+    fn a_variable_that_matlab_would_not_read_is_refused() {
+        let mut bytes = Vec::new();
+        let written = variable(&mut bytes, "evecs", [1 << 20, 256], std::iter::empty());
+        assert_eq!((written, bytes.len()), (Err(TooLarge { bytes: (1 << 31) + 56 }), 0));
     }
 
     #[test]

@@ -1,7 +1,9 @@
-//! A sparse matrix in the Matrix Market exchange format: text, one entry a line, for MATLAB, Julia, Eigen, PETSc and what else solves.
+//! A sparse matrix in the Matrix Market exchange format: text, one entry a line, for MATLAB, Julia, Eigen, PETSc and what
+//! else solves.
 //!
-//! R. F. Boisvert, R. Pozo and K. A. Remington, The Matrix Market exchange formats (NISTIR 5935, 1996). Rows and columns count from 1; of a symmetric
-//! matrix the lower triangle stands there. Every number is the shortest decimals that are the same double.
+//! R. F. Boisvert, R. Pozo and K. A. Remington, The Matrix Market exchange formats (NISTIR 5935, 1996). Rows and columns
+//! count from 1; of a symmetric matrix the lower triangle stands there. Every number is the shortest decimals that are the
+//! same double.
 
 use std::fmt::Write;
 

@@ -9,8 +9,8 @@
 //! - `descriptors`: `descriptors.npz`
 //! - `shape_dna`: the ShapeDNA of all meshes of a run, with their distances
 //!
-//! [`super::npz`] and [`super::ply`] are what is written by default. Nothing in any of these files depends on when or where it was
-//! written: equal results are equal bytes.
+//! [`super::npz`] and [`super::ply`] are what is written by default. Nothing in any of these files depends on when or where
+//! it was written: equal results are equal bytes.
 
 mod csv;
 pub mod descriptors;
@@ -122,17 +122,10 @@ pub fn remove_files(format: ExportFormat, folder: &Path) -> Result<(), PublishEr
     files(format).iter().try_for_each(|name| remove(&folder.join(name)))
 }
 
-/// A format counts bytes in fewer bits than there would be.
+/// A format does not count so many bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct TooLarge {
     bytes: u64,
-}
-
-impl TooLarge {
-    /// Refuses what does not go into 32 bits.
-    fn unless_counted(bytes: u64) -> Result<u32, Self> {
-        u32::try_from(bytes).map_err(|_| Self { bytes })
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! `shape_dna.csv` and `shape_dna_distances.csv`: the ShapeDNA of all meshes of a run, and how far they are from one another.
 //!
-//! A line a mesh, in the order of the run. Those without results are there too, with their reason and no numbers; they have no distances.
+//! A line a mesh, in the order of the run. Those without results are there too, with their reason and no numbers; they have
+//! no distances.
 
 use std::path::Path;
 

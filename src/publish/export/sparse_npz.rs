@@ -1,7 +1,7 @@
 //! A sparse matrix for `scipy.sparse.load_npz`: compressed rows, with the arrays that `save_npz` writes.
 //!
-//! `format` is "csr"; `shape` int64 (2,), `data` float64 (nnz,), `indices` (nnz,) and `indptr` (rows + 1,), both int32, as SciPy has them, or int64
-//! where there are too many entries for that.
+//! `format` is "csr"; `shape` int64 (2,), `data` float64 (nnz,), `indices` (nnz,) and `indptr` (rows + 1,), both int32, as
+//! SciPy has them, or int64 where there are too many entries for that.
 
 use crate::operators::Sparse;
 use crate::publish::arrays::Arrays;

@@ -1,7 +1,8 @@
-//! The mesh with its eigenfunctions as legacy VTK: POLYDATA, for VTK, ParaView, PyVista and what else has read it for thirty years.
+//! The mesh with its eigenfunctions as legacy VTK: POLYDATA, for VTK, ParaView, PyVista and what else has read it for
+//! thirty years.
 //!
-//! Version 3.0, binary, which is big-endian. Point data have one array `phi_k` for each eigenfunction, field data the eigenvalues `lambda`; all as
-//! double. Indices are 32-bit, as the format has them.
+//! Version 3.0, binary, which is big-endian. Point data have one array `phi_k` for each eigenfunction, field data the
+//! eigenvalues `lambda`; all as double. Indices are 32-bit, as the format has them.
 
 use crate::mesh::TriMesh;
 use crate::spectrum::Eigenpairs;

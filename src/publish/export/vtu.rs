@@ -1,7 +1,7 @@
 //! The mesh with its eigenfunctions as VTK's XML: an UnstructuredGrid of triangles, for ParaView, PyVista and meshio.
 //!
-//! Arrays are inline, base64 of little-endian numbers after their length in bytes, uncompressed. Point data have one array `phi_k` for each
-//! eigenfunction, field data the eigenvalues `lambda`; all as double.
+//! Arrays are inline, base64 of little-endian numbers after their length in bytes, uncompressed. Point data have one array
+//! `phi_k` for each eigenfunction, field data the eigenvalues `lambda`; all as double.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
