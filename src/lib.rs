@@ -3,13 +3,14 @@
 //! Layers, each knowing only those to its left:
 //!
 //! ```text
-//! mesh ─► operators, remesh ─► spectrum ─┬─► ggnn ────┐
-//!                                        └─► publish ─┼─► stages ─► cli
-//! store, flow, watch (know nothing of meshes) ────────┘
+//! mesh ─► operators, remesh ─► spectrum ─┬─► ggnn ───────────────────┐
+//!                                        └─► descriptors ─► publish ─┼─► stages ─► cli
+//! store, flow, watch (know nothing of meshes) ───────────────────────┘
 //! ```
 //! A program starts at [`stages::run`]; a single mesh and its spectrum at [`mesh::load`] and [`spectrum::fem`].
 
 pub mod cli;
+pub mod descriptors;
 pub mod flow;
 pub mod ggnn;
 pub mod mesh;

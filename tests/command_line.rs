@@ -192,7 +192,7 @@ fn a_mesh_that_breaks_does_not_keep_its_old_verdict() {
     assert_eq!(workspace.report(&[]).0, 0);
     let spectrum = workspace.path("out/sphere.obj/spectrum.json");
     assert!(spectrum.exists() && workspace.path("out/sphere.obj/eigen.ply").exists());
-    assert_eq!(workspace.report(&["--set", "publish.ply=false"]).0, 0);
+    assert_eq!(workspace.report(&["--set", "publish.formats=[]"]).0, 0);
     assert!(!workspace.path("out/sphere.obj/eigen.ply").exists());
     workspace.write("meshes/sphere.obj", "v 0 0\n");
     assert_eq!(workspace.report(&[]).0, 3);

@@ -1,7 +1,9 @@
 //! The documentation holds what the code does.
 
+use chladni::descriptors::Descriptor;
 use chladni::mesh::Format;
-use chladni::pipeline::Pipeline;
+use chladni::pipeline::{ExportFormat, Pipeline};
+use chladni::publish::export::files;
 
 /// The first TOML block of `docs/pipeline.md`: every option with its default.
 fn documented() -> String {
@@ -48,5 +50,18 @@ fn every_list_of_formats_is_whole() {
     for (file, list) in lists {
         let text = std::fs::read_to_string(file).unwrap();
         assert!(text.contains(&list), "{file} does not say {list}");
+    }
+}
+
+#[test]
+fn every_file_that_is_written_is_described() {
+    let page = std::fs::read_to_string("docs/outputs.md").unwrap();
+    let names = ExportFormat::ALL.into_iter().flat_map(files);
+    for name in names.chain(["descriptors.npz", "shape_dna.csv", "shape_dna_distances.csv"].iter())
+    {
+        assert!(page.contains(&format!("`{name}`")), "docs/outputs.md does not describe {name}");
+    }
+    for descriptor in Descriptor::ALL {
+        assert!(page.contains(&format!("`{}`", descriptor.name())), "{}", descriptor.name());
     }
 }

@@ -14,9 +14,11 @@ use super::paint::painted;
 use super::signals::stop_on_signals;
 use super::task::{Part, Task, given_model};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
+use crate::descriptors::Descriptor;
 use crate::flow::events::EventFile;
 use crate::pipeline::Pages;
 use crate::pipeline::sweep::Comparison;
+use crate::publish::export::shape_dna;
 use crate::publish::report::{RunReport, Status};
 use crate::publish::sweep::{CaseReport, SweepReport};
 use crate::publish::table::{run_table, summary, sweep_table};
@@ -158,6 +160,7 @@ impl Runner<'_> {
             pipeline.publish.report = Pages::Written;
         }
         let page = (pipeline.publish.report == Pages::Written).then(|| out.join(page::FILE));
+        let compares = pipeline.publish.descriptors.contains(&Descriptor::ShapeDna);
         let events = std::fs::create_dir_all(&out)
             .and_then(|()| EventFile::append(&out.join("events.jsonl")))
             .map_err(|error| {
@@ -171,7 +174,7 @@ impl Runner<'_> {
             model: given_model(&pipeline, store.as_ref())?,
             pipeline,
             jobs,
-            out,
+            out: out.clone(),
             store: store.clone(),
             workers: arguments.jobs.unwrap_or_else(cores),
             memory: arguments.memory.map_or_else(half_of_the_memory, |size| size.as_u64()),
@@ -184,6 +187,11 @@ impl Runner<'_> {
             events: Arc::new(events),
         };
         let ended = self.runtime.block_on(run(request)).map_err(Refusal::internal)?;
+        let written = match compares {
+            true => shape_dna::write(&out, &ended.report),
+            false => shape_dna::remove_files(&out),
+        };
+        written.map_err(Refusal::usage)?;
         if let Some(path) = page {
             let page = page::run_page(&ended.report);
             atomic::write(&path, page.as_bytes()).map_err(Refusal::usage)?;

@@ -6,6 +6,7 @@ use super::{
     Count, Method, MpgdDirection, MpgdStep, Pipeline, PipelineError, RecipeName, Refine, Train,
     Verify,
 };
+use crate::descriptors::Descriptor;
 use crate::ggnn::network::Layer;
 use crate::ggnn::recipe::Trunks;
 use crate::operators::{Laplacian, OperatorOptions};
@@ -68,6 +69,7 @@ impl Pipeline {
         self.check_sizes()?;
         self.check_family()?;
         self.check_held_out()?;
+        self.check_publish()?;
         self.check_numbers()
     }
 
@@ -179,6 +181,18 @@ impl Pipeline {
         if *tune > 0 && members < 2 {
             let rule = "needs a variant to judge by; raise family.members, or set it to 0";
             return refuse("train.tune", *tune, rule);
+        }
+        Ok(())
+    }
+
+    fn check_publish(&self) -> Result<(), PipelineError> {
+        let asked = self.publish.descriptors.contains(&Descriptor::ShapeDna);
+        if asked && self.operators.laplacian == Laplacian::Graph {
+            return Err(PipelineError::Value {
+                key: "publish.descriptors",
+                value: format!("{:?}", Descriptor::ShapeDna.name()),
+                rule: "multiplies λ by the area, which the graph Laplacian does not see; leave it out",
+            });
         }
         Ok(())
     }
@@ -307,6 +321,7 @@ mod tests {
     use crate::ggnn::network::Interval;
     use crate::ggnn::ops::activation::Activation;
     use crate::ggnn::recipe::Recipe;
+    use crate::pipeline::ExportFormat;
 
     #[test]
     fn wrong_values_say_which_and_why() {
@@ -371,6 +386,23 @@ mod tests {
         assert!(message(&[graph, "operators.mass=lumped"]).starts_with("operators.mass = lumped"));
         assert!(message(&[graph]).starts_with("operators.laplacian = graph: cannot be trained"));
         assert!(parse("", &["operators.laplacian=fem", "operators.mass=voronoi"]).is_ok());
+    }
+
+    #[test]
+    fn formats_and_descriptors_are_known_names() {
+        let message = |set: &str| parse("", &[set]).unwrap_err().to_string();
+        let publish = parse("", &["publish.formats=[\"vtu\", \"mat\"]"]).unwrap().publish;
+        assert!(publish.writes(ExportFormat::Npz) && publish.writes(ExportFormat::Mat));
+        assert!(!publish.writes(ExportFormat::Ply));
+        assert!(message("publish.formats=[\"stl\"]").contains("`vtu`"));
+        assert!(message("publish.descriptors=[\"sihks\"]").contains("`shape-dna`"));
+        let graph = [
+            "train.method=fem",
+            "operators.laplacian=graph",
+            "publish.descriptors=[\"shape-dna\"]",
+        ];
+        let refused = parse("", &graph).unwrap_err().to_string();
+        assert!(refused.starts_with("publish.descriptors = \"shape-dna\": "), "{refused}");
     }
 
     #[test]

@@ -213,8 +213,14 @@ fn refuse_unknown(name: &str, table: &Table, known: &[String]) -> Result<(), Pip
     }
 }
 
+/// Options that have become others.
+const REPLACED: [(&str, &str); 1] = [("publish.ply", "publish.formats")];
+
 /// The known key that looks most like `key`, unless none does.
 fn nearest(key: &str, known: &[String]) -> Option<String> {
+    if let Some((_, by)) = REPLACED.iter().find(|(replaced, _)| *replaced == key) {
+        return Some((*by).into());
+    }
     // A right key in the wrong section is the nearest of all.
     let last = key.rsplit('.').next().unwrap_or(key);
     if let Some(moved) = known.iter().find(|k| k.rsplit('.').next() == Some(last)) {
@@ -265,6 +271,15 @@ pub(super) mod tests {
         );
         assert_eq!(message("[zzz]", &[]), "p.toml: there is no option `zzz`");
         assert!(message("[zzz]\nq = 1", &[]).starts_with("p.toml: there is no option `zzz.q`"));
+    }
+
+    #[test]
+    fn an_option_that_became_another_is_answered_with_that() {
+        for (text, set) in [("[publish]\nply = false", &[][..]), ("", &["publish.ply=true"])] {
+            let message = parse(text, set).unwrap_err().to_string();
+            let expected = "there is no option `publish.ply`; did you mean `publish.formats`?";
+            assert!(message.ends_with(expected), "{message}");
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! A pipeline file as types: every key with its default, unknown keys refused with the nearest known one.
 //!
-//! - `train`: `[train]`, and the recipe that its options make; `verify`: `[verify]`; `mpgd_step`, `pages`: options of several kinds
+//! - `train`: `[train]`, and the recipe that its options make; `verify`: `[verify]`; `publish`: `[publish]`; `mpgd_step`, `pages`: options of
+//!   several kinds
 //! - `count`: how many eigenpairs
 //! - `file`: from a file's text, the recipe's defaults and `--set` to a [`Pipeline`]
 //! - `recipe_file`: options of `[train]` in a file of their own, which a search leaves
@@ -14,6 +15,7 @@ mod error;
 mod file;
 mod mpgd_step;
 mod pages;
+mod publish;
 mod recipe_file;
 pub mod sweep;
 mod train;
@@ -32,6 +34,7 @@ pub use error::PipelineError;
 pub use file::{MODEL_EXTENSION, is_model_file};
 pub use mpgd_step::MpgdStep;
 pub use pages::Pages;
+pub use publish::{ExportFormat, OnDelete, Publish};
 pub use recipe_file::FoundRecipe;
 pub use train::{Method, RecipeName, Refine, Train};
 pub use verify::{Formula, MpgdDirection, Verify};
@@ -87,33 +90,4 @@ pub struct Generate {
 
 fn one() -> u64 {
     1
-}
-
-/// `[publish]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Publish {
-    /// Write `eigen.ply`: the mesh with a property for every eigenfunction.
-    pub ply: bool,
-    /// Write `report.html`: a page for people, of every mesh and of a run.
-    pub report: Pages,
-    /// What `chladni watch` does with the results of a mesh that was deleted.
-    pub on_delete: OnDelete,
-}
-
-/// `publish.on_delete`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum OnDelete {
-    /// They stay.
-    #[default]
-    Keep,
-    /// They are removed.
-    Remove,
-}
-
-impl Default for Publish {
-    fn default() -> Self {
-        Self { ply: true, report: Pages::Auto, on_delete: OnDelete::Keep }
-    }
 }

@@ -24,6 +24,23 @@ pub enum PublishError {
         path.display()
     )]
     File { path: PathBuf, source: io::Error },
+    /// The format of the file cannot hold so much.
+    #[error(
+        "{}: {bytes} bytes are more than this format can count; leave it out of publish.formats, or ask for fewer eigenpairs \
+         (train.k, or -k)",
+        path.display()
+    )]
+    TooLarge { path: PathBuf, bytes: u64 },
+}
+
+impl PublishError {
+    /// Whether another try may succeed: the system has refused something.
+    pub fn is_of_the_moment(&self) -> bool {
+        match self {
+            Self::Folder { .. } | Self::File { .. } => true,
+            Self::TooLarge { .. } => false,
+        }
+    }
 }
 
 /// What [`write_if_changed`] did.

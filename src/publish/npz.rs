@@ -15,24 +15,15 @@
 //! | `vertex_map` | int64   | (N,)  | for each vertex of the input file its row above, or −1         |
 //!
 //! Indices are int64 because that is numpy's own index type: it goes into any indexing and into sparse matrices
-//! without a conversion, and differences of indices do not wrap. All is little-endian and uncompressed, with fixed
-//! time stamps in the archive: equal input gives equal bytes.
+//! without a conversion, and differences of indices do not wrap. Equal input gives equal bytes.
 
-use std::io::{self, BufWriter, Cursor, Seek, Write};
-
-use npyz::npz::NpzWriter;
-use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
-use npyz::{DType, WriterBuilder};
-
+use super::arrays::Arrays;
 use crate::mesh::TriMesh;
 use crate::operators::MassKind;
-use crate::spectrum::Eigenpairs;
+use crate::spectrum::{Dense, Eigenpairs};
 
 /// The value of the array `schema`.
 pub const SCHEMA: &str = "chladni-eigen-1";
-
-/// Above this many bytes an array is announced as large (zip64), leaving room for its header.
-const LARGE: usize = u32::MAX as usize - (1 << 16);
 
 /// What goes into `eigen.npz`.
 #[derive(Debug, Clone, Copy)]
@@ -59,70 +50,34 @@ impl EigenArrays<'_> {
         assert_eq!(self.mass.len(), n, "one mass a vertex");
         assert_eq!(self.pairs.vectors.nrows(), n, "one row of the eigenfunctions a vertex");
         assert_eq!(self.pairs.vectors.ncols(), k, "one eigenfunction an eigenvalue");
-        let mut bytes = Cursor::new(Vec::new());
-        self.write(&mut bytes).expect("memory takes any bytes, and large arrays are announced");
-        bytes.into_inner()
-    }
-
-    fn write(&self, out: impl Write + Seek) -> io::Result<()> {
-        let (n, m, k) = (self.mesh.n(), self.mesh.faces().len(), self.pairs.len());
-        let vectors = &self.pairs.vectors;
-        let rows = (0..n).flat_map(|i| (0..k).map(move |j| vectors[(i, j)]));
-        let npz = &mut NpzWriter::new(out);
-        array(npz, "evals", "<f8", &[k], self.pairs.values.iter().copied())?;
-        array(npz, "evecs", "<f8", &[n, k], rows)?;
-        array(npz, "mass", "<f8", &[n], self.mass.iter().copied())?;
-        text(npz, "mass_kind", self.mass_kind.name())?;
-        array(npz, "vertices", "<f8", &[n, 3], self.mesh.vertices().iter().flatten().copied())?;
-        let faces = self.mesh.faces().iter().flatten().map(|&i| i64::from(i));
-        array(npz, "faces", "<i8", &[m, 3], faces)?;
-        array(npz, "k", "<i8", &[k], 1..=k as i64)?;
-        text(npz, "schema", SCHEMA)?;
-        let map = self.vertex_map;
-        array(npz, "vertex_map", "<i8", &[map.len()], map.iter().copied())?;
-        npz.zip_writer().finish()?;
-        Ok(())
+        let (m, vectors) = (self.mesh.faces().len(), &self.pairs.vectors);
+        let mut npz = Arrays::new();
+        npz.floats("evals", &[k], self.pairs.values.iter().copied());
+        npz.floats("evecs", &[n, k], rows(vectors));
+        npz.floats("mass", &[n], self.mass.iter().copied());
+        npz.text("mass_kind", self.mass_kind.name());
+        npz.floats("vertices", &[n, 3], self.mesh.vertices().iter().flatten().copied());
+        npz.integers("faces", &[m, 3], self.mesh.faces().iter().flatten().map(|&i| i.into()));
+        npz.integers("k", &[k], 1..=k as i64);
+        npz.text("schema", SCHEMA);
+        npz.integers("vertex_map", &[self.vertex_map.len()], self.vertex_map.iter().copied());
+        npz.into_bytes()
     }
 }
 
-/// Adds an array whose items come in C order.
-fn array<T: npyz::Serialize>(
-    npz: &mut NpzWriter<impl Write + Seek>,
-    name: &str,
-    dtype: &str,
-    shape: &[usize],
-    items: impl Iterator<Item = T>,
-) -> io::Result<()> {
-    let dtype = DType::Plain(dtype.parse().expect("the types named in this file are numpy's"));
-    let bytes = shape.iter().fold(dtype.num_bytes().unwrap_or(0), |b, &l| b.saturating_mul(l));
-    let options = FileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .last_modified_time(DateTime::default())
-        .large_file(bytes > LARGE);
-    let zip = npz.zip_writer();
-    zip.start_file(npyz::npz::file_name_from_array_name(name), options)?;
-    let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
-    let mut buffered = BufWriter::with_capacity(1 << 16, zip);
-    let mut writer =
-        npyz::WriteOptions::new().dtype(dtype).shape(&shape).writer(&mut buffered).begin_nd()?;
-    writer.extend(items)?;
-    writer.finish()?;
-    buffered.flush()
-}
-
-/// Adds a zero-dimensional array of text, which is a `str` for numpy.
-fn text(npz: &mut NpzWriter<impl Write + Seek>, name: &str, value: &str) -> io::Result<()> {
-    let length = value.chars().count();
-    array(npz, name, &format!("<U{length}"), &[], std::iter::once(value.to_owned()))
+/// The entries of a matrix row by row.
+pub(super) fn rows(x: &Dense) -> impl Iterator<Item = f64> + '_ {
+    (0..x.nrows()).flat_map(move |i| (0..x.ncols()).map(move |j| x[(i, j)]))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
     use super::*;
     use crate::mesh::sample::icosphere;
     use crate::operators::Operators;
     use crate::operators::mass::row_sums;
-    use crate::spectrum::Dense;
 
     fn bytes() -> Vec<u8> {
         let mesh = icosphere(1);

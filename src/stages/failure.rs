@@ -1,5 +1,6 @@
 //! Why a mesh could not be processed: one line in the report, and the others go on.
 
+use crate::descriptors::TooFew;
 use crate::flow::Panicked;
 use crate::ggnn::model::Unfit;
 use crate::ggnn::train::TrainError;
@@ -66,6 +67,9 @@ pub enum Failure {
     /// A run was to predict and has nothing to do it with.
     #[error("train.method = \"predict\" needs a model; name one with train.model")]
     NoModel,
+    /// Too few eigenpairs for a descriptor.
+    #[error(transparent)]
+    Descriptors(#[from] TooFew),
     /// The results could not be written.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -100,7 +104,8 @@ impl Failure {
     pub fn is_of_the_moment(&self) -> bool {
         match self {
             Self::Mesh(error) => error.is_unreadable(),
-            Self::Publish(_) | Self::Store(_) | Self::Internal(_) => true,
+            Self::Publish(error) => error.is_of_the_moment(),
+            Self::Store(_) | Self::Internal(_) => true,
             _ => false,
         }
     }

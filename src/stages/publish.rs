@@ -1,6 +1,8 @@
-//! From certified eigenpairs to files: `eigen.npz`, `eigen.ply`, `recipe.toml`, `run.json`, and last `spectrum.json`.
+//! From certified eigenpairs to files: those of `publish.formats`, `descriptors.npz`, `recipe.toml`, `run.json`, and last
+//! `spectrum.json`.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::json;
@@ -12,16 +14,17 @@ use super::ingest::Loaded;
 use super::predict::Predicted;
 use super::train::{TrainedBlock, named};
 use super::verify::{Deviations, Verified};
+use crate::descriptors::Basis;
 use crate::flow::events::How;
 use crate::mesh::Area;
 use crate::operators::mass::row_sums;
-use crate::operators::{Laplacian, MassKind};
-use crate::pipeline::{Method, Pages, Pipeline, Train};
+use crate::operators::{Laplacian, MassKind, Operators};
+use crate::pipeline::{ExportFormat, Method, Pages, Pipeline, Train};
 use crate::publish::PublishError;
 use crate::publish::atomic::{remove, write_if_changed};
+use crate::publish::export;
 use crate::publish::npz::EigenArrays;
 use crate::publish::page::{self, Curve, MeshPage};
-use crate::publish::ply::to_ply;
 use crate::publish::report::{MeshReport, PairRecord, RunRecord, RunRecordSchema, StageRecord};
 use crate::publish::result::{
     AgainstFormula, Eigenpair, Inheritance, MeshSummary, Provenance, Source, Spectrum, Verdict,
@@ -50,6 +53,7 @@ pub fn publish(context: &Context, item: usize, verified: Verified) -> Result<Mes
         recipe_file: origin.chosen().and_then(|chosen| chosen.recipe_file.clone()),
         curves: curves(&origin),
         spectrum,
+        operators: Some(assembled.operators),
     };
     write(context, item, assembled.loaded, results, |stages| record(stages, &origin, &order))
 }
@@ -66,6 +70,14 @@ pub fn publish_predicted(
     let spectrum = predicted_spectrum(context, &predicted);
     let Predicted { loaded, pencil, vectors, how, refinement, .. } = predicted;
     let order: Vec<usize> = (0..vectors.ncols()).collect();
+    // A prediction has no matrices of its own.
+    let wanted = context.pipeline.publish.formats.iter().any(|format| format.takes_operators());
+    let operators = match wanted {
+        true => {
+            Some(Operators::assemble(&loaded.ingested.mesh, context.pipeline.operators)?.into())
+        }
+        false => None,
+    };
     let learned = || Eigenpairs {
         values: spectrum.eigenpairs.iter().map(|pair| pair.lambda).collect(),
         vectors,
@@ -78,6 +90,7 @@ pub fn publish_predicted(
         recipe_file: None,
         curves: vec![],
         spectrum,
+        operators,
     };
     write(context, item, loaded, results, |stages| solved_record(stages, how, order.len()))
 }
@@ -111,6 +124,8 @@ struct Results {
     recipe_file: Option<String>,
     /// How trainings went.
     curves: Vec<Curve>,
+    /// What the eigenpairs are of.
+    operators: Option<Arc<Operators>>,
 }
 
 fn write(
@@ -121,20 +136,27 @@ fn write(
     record: impl FnOnce(Vec<StageRecord>) -> RunRecord,
 ) -> Result<MeshReport, Failure> {
     let started = Instant::now();
-    let Results { pairs, mass, mass_kind, spectrum, reason, recipe_file, curves } = results;
+    let Results { pairs, mass, mass_kind, spectrum, reason, recipe_file, curves, operators } =
+        results;
     let ingested = loaded.ingested.clone();
     let mesh = &ingested.mesh;
     let folder = context.out.join(&loaded.job.name);
+    let descriptors = descriptors(context, &pairs, &mass, mesh.area())?;
     let document = spectrum.to_json();
     withdraw(&folder, Some(&document))?;
     let vertex_map = &ingested.vertex_map;
     let arrays = EigenArrays { mesh, pairs: &pairs, mass: &mass, mass_kind, vertex_map };
-    write_if_changed(&folder.join(ARRAYS), &arrays.to_npz())?;
-    let ply = folder.join(SURFACE);
-    if context.pipeline.publish.ply {
-        write_if_changed(&ply, &to_ply(mesh, &pairs))?;
-    } else {
-        remove(&ply)?;
+    let exported = export::Results { arrays, spectrum: &spectrum, operators: operators.as_deref() };
+    for format in ExportFormat::ALL {
+        match context.pipeline.publish.writes(format) {
+            true => export::write(format, &exported, &folder)?,
+            false => export::remove_files(format, &folder)?,
+        }
+    }
+    let path = folder.join(export::descriptors::FILE);
+    match descriptors {
+        Some(bytes) => drop(write_if_changed(&path, &bytes)?),
+        None => remove(&path)?,
     }
     loaded.spent("publish", How::Computed, started.elapsed());
     let record = RunRecord { work: context.ledger.take(item), ..record(loaded.stages) };
@@ -158,6 +180,21 @@ fn write(
     Ok(MeshReport::finished(loaded.job.name, folder, &spectrum, reason, &record))
 }
 
+/// The bytes of `descriptors.npz`, if any are asked for.
+fn descriptors(
+    context: &Context,
+    pairs: &Eigenpairs,
+    mass: &[f64],
+    area: Area,
+) -> Result<Option<Vec<u8>>, Failure> {
+    let asked = &context.pipeline.publish.descriptors;
+    if asked.is_empty() {
+        return Ok(None);
+    }
+    let basis = Basis::new(pairs, mass.iter().sum());
+    Ok(Some(export::descriptors::to_npz(asked, &basis, area)?))
+}
+
 /// The report of a mesh whose results are not written.
 pub fn unwritten(spectrum: &Spectrum, verified: Verified) -> MeshReport {
     let Verified { assembled, origin, order, judgement, .. } = verified;
@@ -177,8 +214,6 @@ pub fn unwritten_predicted(spectrum: &Spectrum, predicted: Predicted) -> MeshRep
     MeshReport { out: None, ..MeshReport::finished(name, String::new(), spectrum, reason, &record) }
 }
 
-const ARRAYS: &str = "eigen.npz";
-const SURFACE: &str = "eigen.ply";
 const RECIPE: &str = "recipe.toml";
 const PAGE: &str = page::FILE;
 
@@ -206,8 +241,11 @@ pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishErro
 pub fn remove_results(out: &Path, name: &str) -> Result<(), PublishError> {
     let folder = out.join(name);
     // First the one that says that the others are whole.
-    for file in [SPECTRUM, RUN, ARRAYS, SURFACE, PAGE, RECIPE] {
+    for file in [SPECTRUM, RUN, export::descriptors::FILE, PAGE, RECIPE] {
         remove(&folder.join(file))?;
+    }
+    for format in ExportFormat::ALL {
+        export::remove_files(format, &folder)?;
     }
     let folders = folder.ancestors().take_while(|folder| *folder != out);
     for folder in folders {
