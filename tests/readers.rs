@@ -3,9 +3,12 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use chladni::mesh::{Format, Ingested, TriMesh, load_bytes, sample::icosphere};
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -23,6 +26,11 @@ fn files(mesh: &TriMesh) -> Vec<(&'static str, Vec<u8>)> {
         ("ascii.vtk", vtk_text(mesh)),
         ("classic.vtk", vtk_binary(mesh, Cells::Classic)),
         ("five.vtk", vtk_binary(mesh, Cells::Five)),
+        ("ascii.vtp", vtp(mesh, "ascii", "", "")),
+        ("inline.vtp", vtp(mesh, "binary", "UInt32", "")),
+        ("zlib.vtp", vtp(mesh, "binary", "UInt64", "vtkZLibDataCompressor")),
+        ("raw.vtp", vtp(mesh, "raw", "UInt64", "")),
+        ("appended.vtp", vtp(mesh, "base64", "UInt32", "vtkZLibDataCompressor")),
         ("ascii.stl", stl_text(mesh)),
         ("binary.stl", stl_binary(mesh)),
     ]
@@ -116,6 +124,85 @@ fn vtk_binary(mesh: &TriMesh, cells: Cells) -> Vec<u8> {
     }
     bytes.push(b'\n');
     bytes
+}
+
+/// A VTP file as VTK writes it: text, inline base64, or appended as base64 or raw; little-endian with headers of four
+/// bytes, or big-endian with headers of eight.
+fn vtp(mesh: &TriMesh, format: &str, header: &str, compressor: &str) -> Vec<u8> {
+    let (n, m) = (mesh.n(), mesh.faces().len());
+    let big = header == "UInt64";
+    let order = if big { "BigEndian" } else { "LittleEndian" };
+    let points: Vec<f64> = mesh.vertices().iter().flatten().copied().collect();
+    let corners: Vec<i64> = mesh.faces().iter().flatten().map(|&i| i.into()).collect();
+    let ends: Vec<i64> = (1..=m as i64).map(|i| 3 * i).collect();
+    let bits: Vec<u64> = points.iter().map(|c| c.to_bits()).collect();
+    let unsigned = |numbers: &[i64]| numbers.iter().map(|&i| i as u64).collect::<Vec<_>>();
+    let arrays = [
+        ("Float64", "Points", bits, words_of(&points)),
+        ("Int64", "connectivity", unsigned(&corners), words_of(&corners)),
+        ("Int64", "offsets", unsigned(&ends), words_of(&ends)),
+    ];
+    let mut appended: Vec<u8> = Vec::new();
+    let [points, corners, ends] = arrays.map(|(scalar, name, bits, text)| {
+        let bytes = |word: &u64| if big { word.to_be_bytes() } else { word.to_le_bytes() };
+        let data: Vec<u8> = bits.iter().flat_map(bytes).collect();
+        let (head, data) = match compressor {
+            "" => (vec![data.len()], data),
+            // Two blocks, the last of them shorter.
+            _ => {
+                let block = data.len() / 2 + 3;
+                let packed: Vec<Vec<u8>> = data.chunks(block).map(zlib).collect();
+                let sizes = packed.iter().map(Vec::len);
+                ([2, block, data.len() - block].into_iter().chain(sizes).collect(), packed.concat())
+            }
+        };
+        let word = |&word: &usize| match big {
+            true => (word as u64).to_be_bytes().to_vec(),
+            false => (word as u32).to_le_bytes().to_vec(),
+        };
+        let head: Vec<u8> = head.iter().flat_map(word).collect();
+        let encoded = match compressor {
+            "" => STANDARD.encode([&*head, &*data].concat()),
+            _ => STANDARD.encode(&head) + &STANDARD.encode(&data),
+        };
+        let tag = format!("DataArray type=\"{scalar}\" Name=\"{name}\" NumberOfComponents=\"3\"");
+        let offset = appended.len();
+        match format {
+            "ascii" => format!("<{tag} format=\"ascii\">\n{text}\n</DataArray>"),
+            "binary" => format!("<{tag} format=\"binary\">\n  {encoded}\n</DataArray>"),
+            _ => {
+                let raw = [head, data].concat();
+                appended.extend(if format == "raw" { raw } else { encoded.into_bytes() });
+                format!("<{tag} format=\"appended\" offset=\"{offset}\"/>")
+            }
+        }
+    });
+    let mut bytes = format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"{order}\" \
+         header_type=\"{header}\" compressor=\"{compressor}\">\n<PolyData>\n\
+         <Piece NumberOfPoints=\"{n}\" NumberOfVerts=\"0\" NumberOfPolys=\"{m}\">\n<Points>{points}</Points>\n\
+         <Polys>{corners}\n{ends}</Polys>\n</Piece>\n</PolyData>\n"
+    )
+    .replace(" header_type=\"\"", "")
+    .into_bytes();
+    if !appended.is_empty() {
+        let encoding = if format == "raw" { "raw" } else { "base64" };
+        bytes.extend(format!("<AppendedData encoding=\"{encoding}\">\n_").bytes());
+        bytes.extend(appended);
+        bytes.extend(b"\n</AppendedData>\n");
+    }
+    bytes.extend(b"</VTKFile>\n");
+    bytes
+}
+
+fn words_of<T: std::fmt::Debug>(numbers: &[T]) -> String {
+    numbers.iter().map(|number| format!("{number:?}")).collect::<Vec<_>>().join(" ")
+}
+
+fn zlib(data: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+    encoder.write_all(data).unwrap();
+    encoder.finish().unwrap()
 }
 
 fn stl_text(mesh: &TriMesh) -> Vec<u8> {
@@ -295,6 +382,11 @@ fn words() -> impl Strategy<Value = Vec<u8>> {
         "CELLS 1 4\n",
         "FIELD f 9\n",
         "METADATA\n",
+        "\"4000000000\"",
+        "<Piece NumberOfPoints=\"9\">",
+        "offset=\"7\"",
+        "</",
+        "AAAA",
         "endsolid",
         "facet",
         "COFF",

@@ -14,7 +14,7 @@ use crate::publish::table::six_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, glTF or GLB file
+    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     mesh: PathBuf,
     /// How the result is shown
     #[arg(long, value_enum, default_value = "human")]

@@ -25,7 +25,7 @@ use crate::stages::{Failure, assemble, candidates, ingest, publish, verify};
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::HELP)]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, glTF or GLB file
+    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     mesh: PathBuf,
     /// How many eigenpairs
     #[arg(short, value_name = "K", default_value = "10")]
