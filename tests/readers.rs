@@ -288,6 +288,10 @@ fn what_is_not_finite_names_the_vertex_in_every_format() {
     for (name, bytes) in files(&sphere) {
         let patterns =
             [x.to_le_bytes().to_vec(), x.to_be_bytes().to_vec(), (x as f32).to_le_bytes().to_vec()];
+        // Base64 and what is compressed hide their numbers.
+        if ["inline.vtp", "zlib.vtp", "appended.vtp"].contains(&name) {
+            continue;
+        }
         let text =
             std::str::from_utf8(&bytes).map(|text| text.replacen(&format!("{x:?}"), "nan", 1));
         let damaged = text.map(String::into_bytes).unwrap_or_else(|_| {
@@ -433,4 +437,79 @@ proptest! {
         bytes.extend(noise);
         read_damaged(name, &bytes);
     }
+}
+
+// ---- the seeds of the fuzz targets
+
+/// Every seed as it is, cut, and with bytes and words exchanged by a generator that starts from its name: what the fuzz
+/// targets look for without end, in the little that every test run has time for.
+#[test]
+fn seeds_and_their_mutations_are_meshes_or_errors() {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/fuzz/seeds"));
+    let mut seeds = 0;
+    for target in std::fs::read_dir(folder).unwrap() {
+        for seed in std::fs::read_dir(target.unwrap().path()).unwrap() {
+            let path = seed.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+            let bytes = std::fs::read(&path).unwrap();
+            let whole = load_bytes(Path::new(&name), &bytes).map_err(|error| error.to_string());
+            let refused = name == "draco.gltf";
+            assert_eq!(whole.is_err(), refused, "{whole:?}");
+            seeds += 1;
+            let mut random = Random(name.bytes().fold(1, |n, b| n << 5 ^ n >> 59 ^ u64::from(b)));
+            for _ in 0..400 {
+                read_damaged(&name, &mutated(&bytes, &mut random));
+            }
+        }
+    }
+    assert!(seeds >= 25, "{seeds}");
+}
+
+/// A linear congruential generator (Knuth's MMIX).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 33) as usize % n.max(1)
+    }
+}
+
+fn mutated(seed: &[u8], random: &mut Random) -> Vec<u8> {
+    const WORDS: [&[u8]; 10] = [
+        b"4000000000",
+        b"-1",
+        b"nan",
+        b"\n",
+        b" ",
+        b"\xff\xff\xff\xff",
+        b"\0\0\0\0",
+        b"<",
+        b"\"",
+        b"1e999",
+    ];
+    let mut bytes = seed.to_vec();
+    for _ in 0..=random.below(4) {
+        let at = random.below(bytes.len());
+        match random.below(5) {
+            0 => bytes.truncate(at),
+            1 => bytes.splice(at..at, WORDS[random.below(WORDS.len())].to_vec()).for_each(drop),
+            2 => {
+                let end = (at + random.below(9)).min(bytes.len());
+                bytes.splice(at..end, WORDS[random.below(WORDS.len())].to_vec()).for_each(drop);
+            }
+            3 => {
+                let end = (at + random.below(40)).min(bytes.len());
+                let copied = bytes[at..end].to_vec();
+                let to = random.below(bytes.len());
+                bytes.splice(to..to, copied).for_each(drop);
+            }
+            _ => {
+                if let Some(byte) = bytes.get_mut(at) {
+                    *byte = random.below(256) as u8;
+                }
+            }
+        }
+    }
+    bytes
 }

@@ -31,12 +31,12 @@ pub struct Decoder<'a> {
 pub struct Numbers<'a> {
     bytes: Cow<'a, [u8]>,
     layout: Layout,
+    /// Where they begin, if they are text.
     line: u32,
 }
 
 impl Numbers<'_> {
     pub fn values(&self) -> Values<'_> {
-        // The text begins on the line on which its tag ends.
         let scanner = Scanner::from_line(&self.bytes, self.line);
         Values::new("VTP", scanner, self.layout)
     }
@@ -58,9 +58,8 @@ impl<'a> Decoder<'a> {
         };
         self.left = left;
         let bytes = match (&array.content, self.appended) {
-            (&Content::Text(text), _) => {
-                let (bytes, layout) = (Cow::Borrowed(text), Layout::Words);
-                return Ok(Numbers { bytes, layout, line: array.line });
+            (&Content::Text(text, line), _) => {
+                return Ok(Numbers { bytes: Cow::Borrowed(text), layout: Layout::Words, line });
             }
             (&Content::Inline(text), _) => self.decoded(Source::Base64(Base64::new(text)), count, array)?,
             (&Content::Appended(offset), Some(Appended { encoding, bytes })) => {

@@ -60,8 +60,8 @@ pub struct Array<'a> {
 
 /// Where the numbers of an array are.
 pub enum Content<'a> {
-    /// Here, as text.
-    Text(&'a [u8]),
+    /// Here, as text that begins on this line.
+    Text(&'a [u8], u32),
     /// Here, as base64.
     Inline(&'a [u8]),
     /// So many bytes into what is appended.
@@ -108,7 +108,7 @@ impl<'a> Document<'a> {
                 (b"DataArray", Kind::Open | Kind::Empty) => {
                     let content = match tag.kind {
                         Kind::Open => content(bytes, &mut tags, &tag)?,
-                        _ => &[],
+                        _ => (&[][..], tag.line),
                     };
                     let piece = document.pieces.last_mut();
                     if let (Some(piece), Some(part)) = (piece, part) {
@@ -176,17 +176,17 @@ impl<'a> Document<'a> {
     }
 }
 
-/// The text of an array; what is between tags of its own is information about it.
+/// The text of an array, and the line on which it begins; what is between tags of its own is information about it.
 fn content<'a>(
     bytes: &'a [u8],
     tags: &mut Tags<'a>,
     array: &Tag<'a>,
-) -> Result<&'a [u8], Failure> {
-    let (mut depth, mut from, mut found) = (0_usize, array.end, &[][..]);
+) -> Result<(&'a [u8], u32), Failure> {
+    let (mut depth, mut before, mut found) = (0_usize, *array, (&[][..], array.line));
     for tag in tags {
-        let text = bytes.get(from..tag.start).unwrap_or_default();
+        let text = bytes.get(before.end..tag.start).unwrap_or_default();
         if depth == 0 && !text.trim_ascii().is_empty() {
-            found = text;
+            found = (text, before.line);
         }
         match tag.kind {
             Kind::Open => depth += 1,
@@ -194,7 +194,7 @@ fn content<'a>(
             Kind::Close => return Ok(found),
             Kind::Empty => {}
         }
-        from = tag.end;
+        before = tag;
     }
     Err(malformed(array.line, "the array is not closed".to_owned()))
 }
@@ -235,7 +235,12 @@ impl<'a> Piece<'a> {
     }
 
     /// Takes note of an array; one that no part asks for is passed over.
-    fn keep(&mut self, part: Part, tag: &Tag<'a>, content: &'a [u8]) -> Result<(), Failure> {
+    fn keep(
+        &mut self,
+        part: Part,
+        tag: &Tag<'a>,
+        content: (&'a [u8], u32),
+    ) -> Result<(), Failure> {
         let list = match part {
             Part::Points => {
                 self.positions = Some(Array::of(tag, content)?);
@@ -256,7 +261,7 @@ impl<'a> Piece<'a> {
 }
 
 impl<'a> Array<'a> {
-    fn of(tag: &Tag<'a>, content: &'a [u8]) -> Result<Self, Failure> {
+    fn of(tag: &Tag<'a>, (text, line): (&'a [u8], u32)) -> Result<Self, Failure> {
         let scalar = match tag.attribute("type").unwrap_or_default() {
             b"Int8" => Scalar::I8,
             b"UInt8" => Scalar::U8,
@@ -271,8 +276,8 @@ impl<'a> Array<'a> {
             other => return Err(unknown(tag, "type", other)),
         };
         let content = match tag.attribute("format") {
-            None | Some(b"ascii") => Content::Text(content),
-            Some(b"binary") => Content::Inline(content),
+            None | Some(b"ascii") => Content::Text(text, line),
+            Some(b"binary") => Content::Inline(text),
             Some(b"appended") => Content::Appended(count(tag, "offset")?),
             Some(other) => return Err(unknown(tag, "format", other)),
         };

@@ -55,7 +55,7 @@ fn what_is_not_read_is_named_with_its_remedy() {
 fn errors_name_the_line() {
     let cases = [
         ("0.1 0 0", "0,1 0 0", 10, "cannot read `0,1` as a number"),
-        ("2 2 0\n", "2 2\n", 13, "the file ends here"),
+        ("2 2 0\n", "2 2\n", 12, "the file ends here"),
         ("2 2 0\n", "2 2 0 7\n", 12, "this line follows"),
         ("NumberOfPoints=\"5\"", "NumberOfPoints=\"-5\"", 5, "`-5` as a count"),
         ("NumberOfPoints=\"5\"", "NumberOfPoints=\"4000000000\"", 8, "far larger than the file"),
@@ -63,7 +63,7 @@ fn errors_name_the_line() {
         ("2 1 0\n", "2 1 5\n", 19, "vertex index 5 is out of range: there are 5 vertices"),
         ("2 1 0\n", "2 1 -1\n", 19, "vertex index -1"),
         ("\n3 7\n", "\n7 3\n", 23, "do not ascend"),
-        ("\n3 7\n", "\n3 8\n", 21, "the file ends here"),
+        ("\n3 7\n", "\n3 8\n", 20, "the file ends here"),
         ("BigEndian", "Middle", 2, "the byte_order `Middle` is unknown"),
         ("Float32", "Float16", 8, "the type `Float16` is unknown"),
         ("<Points>", "<Pints>", 5, "the piece has no Points"),
