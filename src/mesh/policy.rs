@@ -46,7 +46,8 @@ impl IngestOptions {
     /// # Errors
     /// [`Fault::NonManifold`] or [`Fault::DegenerateFaces`], at the first place.
     pub fn check(self, ingested: &Ingested, path: &std::path::Path) -> Result<(), MeshError> {
-        let refused = |place: Option<Place>, fault| MeshError { path: path.to_owned(), place, fault };
+        let refused =
+            |place: Option<Place>, fault| MeshError { path: path.to_owned(), place, fault };
         let (topology, repairs) = (&ingested.topology, &ingested.repairs);
         if self.non_manifold == NonManifold::Refuse && !topology.is_manifold() {
             let (edges, vertices) = (topology.non_manifold_edges, topology.non_manifold_vertices);
@@ -90,7 +91,10 @@ mod tests {
             degenerate_faces: DegenerateFaces::Refuse,
         };
         let message = refusal(FIN, strict).unwrap();
-        assert!(message.starts_with("a.obj: 1 non-manifold edge and 0 non-manifold vertices"), "{message}");
+        assert!(
+            message.starts_with("a.obj: 1 non-manifold edge and 0 non-manifold vertices"),
+            "{message}"
+        );
         assert!(message.contains("ingest.non_manifold"), "{message}");
         let clean = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
         assert_eq!(refusal(clean, strict), None);

@@ -17,16 +17,20 @@ pub struct Finding {
     /// The first few of them; places of the file, or vertices by their rows in `eigen.npz`.
     pub first: Vec<String>,
     pub meaning: String,
-    /// What ingest does about it.
+    /// What ingest does about it, as a participle: "dropped".
     pub treatment: &'static str,
     /// The option that changes that.
     pub option: Option<&'static str>,
 }
 
 const REFUSE_FACES: Option<&str> = Some("ingest.degenerate_faces = \"refuse\" fails the mesh");
-const REFUSE_BRANCHES: Option<&str> = Some("ingest.non_manifold = \"refuse\" fails the mesh");
-const ROBUST: Option<&str> =
-    Some("operators.robust = true (solve --robust) computes on better triangles of the same surface");
+const ROBUST: Option<&str> = Some(
+    "operators.robust = true (solve --robust) computes on better triangles of the same surface",
+);
+const TUFTED: Option<&str> = Some(
+    "ingest.non_manifold = \"refuse\" fails the mesh; operators.robust = \"tufted\" (solve --robust=tufted) \
+     computes on two sheets of it that are manifold",
+);
 
 /// What there is to say of a mesh: first what was mended, then what stays.
 pub fn findings(
@@ -37,7 +41,7 @@ pub fn findings(
     let mut found = mended(ingested);
     found.extend(branches(ingested));
     found.extend(winding(ingested, pieces));
-    found.extend(thin(quality));
+    found.push(thin(quality));
     found.retain(|finding| finding.count > 0);
     found
 }
@@ -55,52 +59,46 @@ fn mended(Ingested { repairs, .. }: &Ingested) -> Vec<Finding> {
         of(
             &repairs.welded_vertices,
             "repeated position",
-            "the vertex stands where an earlier one does; glTF and STL have to repeat them",
-            "makes them one vertex",
+            "where an earlier vertex stands; glTF and STL have to repeat them",
+            "made one vertex",
             None,
         ),
         of(
             &repairs.collapsed_faces,
             "collapsed face",
-            "it names one vertex twice",
-            "drops it",
+            "one vertex named twice",
+            "dropped",
             REFUSE_FACES,
         ),
         of(
             &repairs.zero_area_faces,
             "face without area",
-            "its corners lie in a line",
-            "drops it, which may leave a slit: a boundary loop of no width",
+            "corners in a line",
+            "dropped, which may leave a slit: a boundary loop of no width",
             REFUSE_FACES,
         ),
         of(
             &repairs.duplicate_faces,
             "duplicate face",
-            "it has the corners of an earlier one",
-            "drops it",
+            "the corners of an earlier one",
+            "dropped",
             REFUSE_FACES,
         ),
         of(
             &repairs.unreferenced_vertices,
             "unreferenced vertex",
-            "no face uses it",
-            "drops it; `vertex_map` has −1 for it",
+            "used by no face",
+            "dropped; `vertex_map` has −1 there",
             None,
         ),
         of(
             &repairs.polygons,
             "polygon",
-            "it has more than three corners",
-            "makes a fan of triangles of it; other diagonals give slightly other eigenvalues",
+            "more than three corners",
+            "split into a fan of triangles; other diagonals give slightly other eigenvalues",
             None,
         ),
-        of(
-            &repairs.left_out,
-            "point, line or two-corner face",
-            "it is no surface",
-            "leaves it out",
-            None,
-        ),
+        of(&repairs.left_out, "point, line or two-corner face", "no surface", "left out", None),
     ]
 }
 
@@ -111,16 +109,16 @@ fn branches(Ingested { mesh, topology, .. }: &Ingested) -> [Finding; 2] {
         count: topology.non_manifold_edges,
         first: defects.non_manifold_edges.iter().map(|&[a, b]| format!("{a}–{b}")).collect(),
         meaning: "more than two faces meet there".into(),
-        treatment: "keeps it; the Laplacian couples all the faces",
-        option: REFUSE_BRANCHES,
+        treatment: "kept; the Laplacian couples all the faces",
+        option: TUFTED,
     };
     let vertices = Finding {
         what: "non-manifold vertex",
         count: topology.non_manifold_vertices,
         first: defects.non_manifold_vertices.iter().map(|&v| located(mesh, v)).collect(),
         meaning: "pieces touch there in one point".into(),
-        treatment: "keeps it; they count as one component",
-        option: REFUSE_BRANCHES,
+        treatment: "kept; they count as one component",
+        option: TUFTED,
     };
     [edges, vertices]
 }
@@ -144,7 +142,7 @@ fn winding(Ingested { mesh, topology, .. }: &Ingested, pieces: &[Piece]) -> Opti
         count: topology.misoriented_edges,
         first: defects.misoriented_edges.iter().map(|&[a, b]| format!("{a}–{b}")).collect(),
         meaning,
-        treatment: "keeps it; the spectrum does not depend on winding",
+        treatment: "kept; the spectrum does not depend on winding",
         option: None,
     })
 }
@@ -155,16 +153,16 @@ fn thin(quality: Option<&TriangleQuality>) -> Finding {
             "negative cotangent weight",
             quality.negative_weights,
             format!(
-                "obtuse angles face the edge, the smallest angle being {:.2}°; functions may overshoot there",
+                "obtuse angles face an edge, the smallest angle being {:.2}°; functions may overshoot there",
                 quality.min_angle_degrees
             ),
-            "keeps it; eigenvalues stay those of finite elements",
+            "kept; eigenvalues stay those of finite elements",
         ),
         None => (
             "mesh without operators",
             1,
             "some triangles are too thin for double precision".into(),
-            "keeps them, and the mesh fails where its operators are assembled",
+            "kept, and the mesh fails where its operators are assembled",
         ),
     };
     Finding { what, count, first: Vec::new(), meaning, treatment, option: ROBUST }

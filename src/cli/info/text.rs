@@ -14,7 +14,7 @@ const PAGE: usize = 80;
 /// The longest bar of the histogram.
 const BAR: usize = 40;
 
-/// More pieces are summed up.
+/// More pieces, or runs of equal ones, are summed up.
 const PIECES: usize = 8;
 
 /// The page of a mesh.
@@ -22,15 +22,19 @@ pub fn page(info: &Info<'_>) -> String {
     let mut page = Page::default();
     page.line("mesh", &format!("{} ({})", info.path, info.format.name()));
     page.line("hash", &info.hash);
-    let counts =
-        format!("{} vertices, {} edges, {} faces", info.vertices, info.edges, info.faces);
+    let counts = format!("{} vertices, {} edges, {} faces", info.vertices, info.edges, info.faces);
     page.line("counts", &counts);
     page.line("topology", &topology(info));
     if info.pieces.len() > 1 {
-        for piece in info.pieces.iter().take(PIECES) {
-            page.line("", &of_piece(piece));
+        let alike: Vec<&[Piece]> = info.pieces.chunk_by(|a, b| a == b).collect();
+        for run in alike.iter().take(PIECES) {
+            let times = if run.len() > 1 { format!("{} × ", run.len()) } else { String::new() };
+            run.first()
+                .into_iter()
+                .for_each(|piece| page.line("", &(times.clone() + &of_piece(piece))));
         }
-        if let Some(more @ 1..) = info.pieces.len().checked_sub(PIECES) {
+        let more: usize = alike.iter().skip(PIECES).map(|run| run.len()).sum();
+        if more > 0 {
             page.line("", &format!("and {}", plural(more, "further component")));
         }
     }
@@ -38,16 +42,16 @@ pub fn page(info: &Info<'_>) -> String {
     let [low, high] = info.bounds;
     let side = |c: usize| format!("[{}, {}]", six_digits(low[c]), six_digits(high[c]));
     page.line("bounds", &format!("{} × {} × {}", side(0), side(1), side(2)));
-    page.line("unit", &format!("{} (a guess); λ is in 1/unit²", info.units));
+    page.line("unit", &format!("{} (a guess)", info.units));
     shape(&mut page, info);
     if info.findings.is_empty() {
         page.line("findings", "none: the mesh is what the file says, and clean");
     }
     for (number, finding) in info.findings.iter().enumerate() {
         page.line(if number == 0 { "findings" } else { "" }, &title(finding));
-        page.line("", &format!("  ingest {}", finding.treatment));
+        page.line("", &format!("  ingest: {}", finding.treatment));
         if let Some(option) = finding.option {
-            page.line("", &format!("  {option}"));
+            page.line("", &format!("  option: {option}"));
         }
     }
     page.text
@@ -94,7 +98,7 @@ fn shape(page: &mut Page, info: &Info<'_>) {
     let [shortest, median, longest] =
         [shape.shortest_edge, shape.median_edge, shape.longest_edge].map(six_digits);
     let edges = format!(
-        "shortest {shortest}, median {median}, longest {longest}; spread {}",
+        "{shortest} to {longest}, median {median}, ratio {}",
         six_digits(shape.longest_edge / shape.shortest_edge)
     );
     page.line("edges", &edges);
@@ -113,8 +117,8 @@ fn shape(page: &mut Page, info: &Info<'_>) {
 fn title(finding: &Finding) -> String {
     let mut title = plural(finding.count, finding.what);
     if !finding.first.is_empty() {
-        let more = if finding.count > finding.first.len() { ", …" } else { "" };
-        let _ = write!(title, " ({}{more})", finding.first.join(", "));
+        let more = if finding.count > finding.first.len() { "; …" } else { "" };
+        let _ = write!(title, " ({}{more})", finding.first.join("; "));
     }
     let _ = write!(title, ": {}", finding.meaning);
     title

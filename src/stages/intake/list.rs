@@ -33,7 +33,9 @@ pub fn jobs(list: &Path) -> Result<Vec<Job>, IntakeError> {
             IntakeError::List { list, line: Some(line), reason }
         };
         if is_list(&path) {
-            return Err(error(format!("{entry} is a list; name its meshes here, or both as inputs")));
+            return Err(error(format!(
+                "{entry} is a list; name its meshes here, or both as inputs"
+            )));
         }
         let found = of_input(&path).map_err(|e| error(e.to_string()))?;
         jobs.extend(found.into_iter().map(|job| Job {
@@ -66,14 +68,14 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         };
-        for name in ["in/1/m.obj", "in/2/m.obj", "in/f/a.off", "in/f/b.off", "x.obj", "in/g h.obj"] {
+        for name in ["in/1/m.obj", "in/2/m.obj", "in/f/a.off", "in/f/b.off", "x.obj", "in/g h.obj"]
+        {
             write(name, "");
         }
         write("in/all.lst", "# subjects\n1/m.obj\r\n\n  2/m.obj\nf\n*h.obj\n../x.obj\nnone.obj\n");
         let found = jobs(&dir.path().join("in/all.lst")).unwrap();
         let names: Vec<&str> = found.iter().map(|job| job.name.as_str()).collect();
-        let expected =
-            ["1/m.obj", "2/m.obj", "f/a.off", "f/b.off", "g h.obj", "x.obj", "none.obj"];
+        let expected = ["1/m.obj", "2/m.obj", "f/a.off", "f/b.off", "g h.obj", "x.obj", "none.obj"];
         assert_eq!(names, expected);
         assert_eq!(found[0].source, dir.path().join("in/1/m.obj"));
     }

@@ -88,7 +88,8 @@ mod tests {
     #[test]
     fn wildcards_match_files_and_folders_within_what_is_searched() {
         let files = ["a.obj", "b.ply", "s/a.obj", "s/t/a.obj", "s/t/c.off", "u1/d.stl", "n.txt"];
-        let dir = folder(&[&files[..], &["r/a.obj/eigen.npz", "r/a.obj/eigen.ply", ".h/a.obj"]].concat());
+        let dir =
+            folder(&[&files[..], &["r/a.obj/eigen.npz", "r/a.obj/eigen.ply", ".h/a.obj"]].concat());
         let matched = |pattern| matched(&dir, pattern).unwrap();
         assert_eq!(matched("*.obj"), ["a.obj"]);
         assert_eq!(matched("**/a.obj"), ["a.obj", "s/a.obj", "s/t/a.obj"]);

@@ -50,7 +50,11 @@ impl<'a> Decoder<'a> {
     }
 
     /// The numbers of an array that has to have `count` of them; none for a count beyond all memory.
-    pub fn open(&mut self, array: &Array<'a>, count: Option<usize>) -> Result<Numbers<'a>, Failure> {
+    pub fn open(
+        &mut self,
+        array: &Array<'a>,
+        count: Option<usize>,
+    ) -> Result<Numbers<'a>, Failure> {
         let left = count.and_then(|count| self.left.checked_sub(count));
         let (Some(count), Some(left)) = (count, left) else {
             let problem = "its counts are far larger than the file".to_owned();
@@ -61,7 +65,9 @@ impl<'a> Decoder<'a> {
             (&Content::Text(text, line), _) => {
                 return Ok(Numbers { bytes: Cow::Borrowed(text), layout: Layout::Words, line });
             }
-            (&Content::Inline(text), _) => self.decoded(Source::Base64(Base64::new(text)), count, array)?,
+            (&Content::Inline(text), _) => {
+                self.decoded(Source::Base64(Base64::new(text)), count, array)?
+            }
             (&Content::Appended(offset), Some(Appended { encoding, bytes })) => {
                 let bytes = bytes.get(offset..).unwrap_or_default();
                 let source = match encoding {

@@ -235,12 +235,7 @@ impl<'a> Piece<'a> {
     }
 
     /// Takes note of an array; one that no part asks for is passed over.
-    fn keep(
-        &mut self,
-        part: Part,
-        tag: &Tag<'a>,
-        content: (&'a [u8], u32),
-    ) -> Result<(), Failure> {
+    fn keep(&mut self, part: Part, tag: &Tag<'a>, content: (&'a [u8], u32)) -> Result<(), Failure> {
         let list = match part {
             Part::Points => {
                 self.positions = Some(Array::of(tag, content)?);
