@@ -4,7 +4,7 @@ mod common;
 
 use chladni::mesh::{TriMesh, sample::icosphere};
 use chladni::publish::report::Status;
-use common::{FEM, QUICK, Workspace, chladni, obj, text};
+use common::{FEM, QUICK, Workspace, chladni, ellipsoid, obj, text};
 
 #[test]
 fn exit_0_and_a_table_when_all_is_well() {
