@@ -235,8 +235,10 @@ fn seen(
     penalty: f64,
     robust: bool,
 ) -> Result<Seen, Box<dyn Error>> {
-    let operators =
-        Operators::assemble(mesh, OperatorOptions { robust, ..MassKind::Lumped.into() })?;
+    let operators = Operators::assemble(
+        mesh,
+        OperatorOptions { robust: robust.into(), ..MassKind::Lumped.into() },
+    )?;
     let input = NetworkInput::new(&features.read(mesh), &operators.adjacency);
     let member = Member::new(input, operators, boundary, penalty);
     let known = match boundary {

@@ -4,7 +4,7 @@ mod common;
 
 use chladni::mesh::{TriMesh, sample::icosphere};
 use chladni::publish::report::Status;
-use common::{FEM, QUICK, Workspace, chladni, obj, text};
+use common::{FEM, QUICK, Workspace, chladni, ellipsoid, obj, text};
 
 #[test]
 fn exit_0_and_a_table_when_all_is_well() {
@@ -283,6 +283,66 @@ fn info_describes_a_mesh_and_refuses_what_is_none() {
     let refused = chladni(&["info", workspace.path("meshes/none.obj").to_str().unwrap()]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(text(&refused).contains("line 1"));
+}
+
+/// Three triangles at one edge, one of them twice, and a vertex that none of them uses.
+const FIN: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nv 9 9 9\n\
+    f 1 2 3\nf 1 2 4\nf 1 2 5\nf 3 2 1\n";
+
+#[test]
+fn info_names_every_finding_with_its_treatment_and_its_option() {
+    let workspace = Workspace::new(FEM);
+    workspace.write("meshes/fin.obj", FIN);
+    let fin = workspace.path("meshes/fin.obj");
+    let output = chladni(&["info", fin.to_str().unwrap(), "--format", "json"]);
+    let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let found = info["findings"].as_array().unwrap();
+    let whats: Vec<&str> = found.iter().map(|finding| finding["what"].as_str().unwrap()).collect();
+    assert_eq!(whats, ["duplicate face", "unreferenced vertex", "non-manifold edge"]);
+    assert_eq!(found[0]["first"][0], "line 10");
+    assert_eq!(found[2]["first"][0], "0–1");
+    assert_eq!((&info["pieces"][0]["genus"], &info["shape"]["angles"][4]), (&().into(), &6.into()));
+    let human = text(&chladni(&["info", fin.to_str().unwrap()]));
+    for line in human.lines().filter(|line| !line.contains(fin.to_str().unwrap())) {
+        assert!(line.chars().count() <= 80, "{line}");
+    }
+    for said in ["ingest: dropped", "ingest.non_manifold = \"refuse\"", "90°–100° 3 ####"] {
+        assert!(human.contains(said), "{said}: {human}");
+    }
+    // What the options say, a run does.
+    let set = ["--set", "ingest.non_manifold=refuse", "--set", "train.k=2"];
+    let (exit, report) = workspace.report(&set);
+    let reasons: Vec<_> = report.meshes.iter().filter_map(|mesh| mesh.reason.clone()).collect();
+    assert_eq!((exit, reasons.len()), (3, 1));
+    assert!(reasons[0].contains("1 non-manifold edge"), "{reasons:?}");
+    let (exit, _) = workspace.report(&["--set", "operators.robust=tufted", "--set", "train.k=2"]);
+    assert_eq!(exit, 0);
+}
+
+#[test]
+fn patterns_and_lists_are_inputs() {
+    let workspace = Workspace::new(FEM);
+    for name in ["a_1.obj", "a_2.obj", "b.obj"] {
+        workspace.write(&format!("meshes/{name}"), &ellipsoid(1.5));
+    }
+    workspace.write("meshes/some.lst", "# two\na_2.obj\nb.obj\n");
+    let names = |input: &str| -> Vec<String> {
+        let input = workspace.path(input);
+        let (exit, report) = workspace.report(&["--input", input.to_str().unwrap()]);
+        assert_eq!(exit, 0);
+        report.meshes.into_iter().filter_map(|mesh| mesh.out).collect()
+    };
+    let ends = |names: Vec<String>, expected: &[&str]| {
+        assert_eq!(names.len(), expected.len(), "{names:?}");
+        for (name, end) in names.iter().zip(expected) {
+            assert!(name.ends_with(&format!("out/{end}")), "{name}");
+        }
+    };
+    ends(names("meshes/a_?.obj"), &["a_1.obj", "a_2.obj"]);
+    ends(names("meshes/some.lst"), &["a_2.obj", "b.obj"]);
+    let nothing = workspace.run(&["--input", "none/*.obj"]).output().unwrap();
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(text(&nothing).contains("none/*.obj matches no mesh"));
 }
 
 #[test]

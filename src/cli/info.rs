@@ -1,20 +1,27 @@
-//! `chladni info MESH`: what ingest sees.
+//! `chladni info MESH`: what ingest sees, what is wrong with it, and what becomes of that.
+//!
+//! - `findings`: everything that is not as it should be, with what ingest does about it and the option that changes that
+//! - `text`: the page for people, at most 80 columns wide
 
-use std::fmt::Write;
+mod findings;
+mod text;
+
 use std::path::PathBuf;
 
 use serde::Serialize;
 
+use self::findings::{Finding, findings};
 use super::exit::Exit;
 use super::{Format, Refusal, print, print_json};
+use crate::mesh::shape::Shape;
+use crate::mesh::topology::{Piece, pieces};
 use crate::mesh::{self, Ingested, Repairs};
 use crate::operators::{MassKind, Operators};
 use crate::publish::result::TriangleQuality;
-use crate::publish::table::six_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, glTF or GLB file
+    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     mesh: PathBuf,
     /// How the result is shown
     #[arg(long, value_enum, default_value = "human")]
@@ -37,10 +44,15 @@ struct Info<'a> {
     euler: i64,
     area: f64,
     bounds: [[f64; 3]; 2],
+    /// What the input unit may be, by the size of the bounding box.
+    units: &'static str,
     non_manifold_edges: usize,
     non_manifold_vertices: usize,
     misoriented_edges: usize,
     quality: Option<TriangleQuality>,
+    shape: Shape,
+    pieces: Vec<Piece>,
+    findings: Vec<Finding>,
     repairs: &'a Repairs,
 }
 
@@ -55,7 +67,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let info = describe(arguments.mesh.display().to_string(), &ingested);
     match arguments.format {
         Format::Json => print_json(&info)?,
-        Format::Human => print(&text(&info))?,
+        Format::Human => print(&text::page(&info))?,
     }
     Ok(Exit::Success)
 }
@@ -65,6 +77,11 @@ fn describe(path: String, ingested: &Ingested) -> Info<'_> {
     let bound = |pick: fn(f64, f64) -> f64| {
         mesh.vertices().iter().copied().reduce(|a, b| std::array::from_fn(|c| pick(a[c], b[c])))
     };
+    let bounds = [bound(f64::min), bound(f64::max)].map(Option::unwrap_or_default);
+    let area = mesh.area().0;
+    // A mesh without operators has none; `solve` says why.
+    let quality = Operators::assemble(mesh, MassKind::Lumped).ok().map(|o| o.quality.into());
+    let pieces = pieces(mesh);
     Info {
         schema: "chladni-info-1",
         path,
@@ -77,94 +94,47 @@ fn describe(path: String, ingested: &Ingested) -> Info<'_> {
         boundary_loops: topology.boundary_loops,
         boundary_vertices: topology.boundary_vertices.len(),
         euler: topology.euler_characteristic,
-        area: mesh.area().0,
-        bounds: [bound(f64::min), bound(f64::max)].map(Option::unwrap_or_default),
+        area,
+        bounds,
+        units: units(bounds, area),
         non_manifold_edges: topology.non_manifold_edges,
         non_manifold_vertices: topology.non_manifold_vertices,
         misoriented_edges: topology.misoriented_edges,
-        // A mesh without operators has none; `solve` says why.
-        quality: Operators::assemble(mesh, MassKind::Lumped).ok().map(|o| o.quality.into()),
+        findings: findings(ingested, &pieces, quality.as_ref()),
+        quality,
+        shape: Shape::of(mesh),
+        pieces,
         repairs: &ingested.repairs,
     }
 }
 
-fn text(info: &Info<'_>) -> String {
-    let mut text = String::new();
-    let mut line = |name: &str, value: String| {
-        let _ = writeln!(text, "{name:<12} {value}");
-    };
-    line("mesh", info.path.clone());
-    line("hash", info.hash.clone());
-    line(
-        "counts",
-        format!("{} vertices, {} edges, {} faces", info.vertices, info.edges, info.faces),
-    );
-    line(
-        "topology",
-        format!(
-            "{}, {}, Euler characteristic {}",
-            plural(info.components, "component"),
-            match info.boundary_loops {
-                0 => "closed".to_string(),
-                loops => format!(
-                    "{} with {}",
-                    plural(loops, "boundary loop"),
-                    plural(info.boundary_vertices, "vertex").replace("vertexs", "vertices")
-                ),
-            },
-            info.euler
-        ),
-    );
-    line("area", six_digits(info.area));
-    let [low, high] = info.bounds;
-    let side = |c: usize| format!("[{}, {}]", six_digits(low[c]), six_digits(high[c]));
-    line("bounds", format!("{} × {} × {}", side(0), side(1), side(2)));
-    line("triangles", info.quality.as_ref().map_or(NO_ANGLES.into(), triangles));
-    for (count, what, meaning) in [
-        (
-            info.non_manifold_edges,
-            "non-manifold edge",
-            "more than two faces meet there; the Laplacian couples them all",
-        ),
-        (
-            info.non_manifold_vertices,
-            "non-manifold vertex",
-            "pieces touch in one point; they count as one component",
-        ),
-        (
-            info.misoriented_edges,
-            "misoriented edge",
-            "neighbouring faces wind in opposite ways; the spectrum does not depend on it",
-        ),
-    ] {
-        if count > 0 {
-            let what = plural(count, what).replace("vertexs", "vertices");
-            line("defect", format!("{what}: {meaning}"));
-        }
-    }
-    if info.repairs.is_empty() {
-        line("repairs", "none needed".into());
+/// What the input unit may be. Things that people scan and model are between a few centimetres and a few metres long.
+fn units([low, high]: [[f64; 3]; 2], area: f64) -> &'static str {
+    let longest = (0..3).map(|c| high[c] - low[c]).fold(0.0, f64::max);
+    let close_to = |value: f64, to: f64| (value / to - 1.0).abs() < 1e-3;
+    if close_to(area, 1.0) {
+        "none: scaled to unit area"
+    } else if close_to(longest, 1.0) || close_to(longest, 2.0) {
+        "none, perhaps: scaled to a box of side 1 or 2"
+    } else if (0.02..20.0).contains(&longest) {
+        "metres, if this is something at hand"
+    } else if (20.0..20_000.0).contains(&longest) {
+        "millimetres, if this is something at hand"
     } else {
-        for repair in info.repairs.to_string().lines() {
-            line("repaired", repair.to_string());
-        }
-    }
-    text
-}
-
-const NO_ANGLES: &str = "some are too thin for double precision: solve with --robust";
-
-fn triangles(quality: &TriangleQuality) -> String {
-    let angle = format!("smallest angle {:.2}°", quality.min_angle_degrees);
-    match quality.negative_weights {
-        0 => format!("{angle}, no negative cotangent weight"),
-        count => format!(
-            "{angle}, {}: `--robust` (operators.robust) mends those inside the surface",
-            plural(count, "negative cotangent weight")
-        ),
+        "no guess: neither metres nor millimetres make this something at hand"
     }
 }
 
-fn plural(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_guessed_by_the_size_of_what_is_at_hand() {
+        let cube = |side: f64| units([[0.0; 3], [side; 3]], 6.0 * side * side);
+        assert!(cube(1.0).contains("side 1 or 2") && cube(1.7).starts_with("metres"));
+        assert!(cube(180.0).starts_with("millimetres"));
+        assert!(cube((1.0_f64 / 6.0).sqrt()).contains("unit area"));
+        assert!(cube(1e6).starts_with("no guess") && cube(1e-6).starts_with("no guess"));
+    }
 }

@@ -29,7 +29,7 @@ use crate::stages::{Failure, assemble, ingest, predict, publish, verify};
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::HELP)]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, glTF or GLB file
+    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     mesh: PathBuf,
     /// A file that `chladni model export` wrote, or a name of `chladni model list` or enough of its beginning
     #[arg(long)]

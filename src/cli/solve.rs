@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::exit::Exit;
 use super::paint::painted;
 use super::{Format, Refusal, print, print_json};
-use crate::operators::{Boundary, Laplacian, MassKind, OperatorOptions};
+use crate::operators::{Boundary, Laplacian, MassKind, OperatorOptions, Robust};
 use crate::pipeline::{Method, Pipeline};
 use crate::publish::report::{MeshReport, Status};
 use crate::publish::result::{
@@ -26,7 +26,7 @@ use crate::stages::{Failure, assemble, candidates, ingest, publish, verify};
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::HELP)]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, glTF or GLB file
+    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     mesh: PathBuf,
     /// How many eigenpairs
     #[arg(short, value_name = "K", default_value = "10")]
@@ -43,9 +43,18 @@ pub struct Arguments {
     /// What holds on the boundary of the surface
     #[arg(long, value_enum, default_value = "neumann")]
     boundary: BoundaryName,
-    /// Assemble on the intrinsic Delaunay triangulation, for meshes with slivers
-    #[arg(long)]
-    robust: bool,
+    /// Assemble on the intrinsic Delaunay triangulation, for meshes with slivers; `tufted`: on that of the tufted cover,
+    /// for meshes that are not manifold, too
+    #[arg(
+        long,
+        value_enum,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "off",
+        default_missing_value = "intrinsic",
+        hide_default_value = true
+    )]
+    robust: RobustName,
     /// Write the eigenpairs too, to DIR/<name of the mesh>
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -80,6 +89,16 @@ enum MassName {
     Voronoi,
     /// Linear elements
     Consistent,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum RobustName {
+    /// The triangles of the mesh
+    Off,
+    /// The intrinsic Delaunay triangulation of the mesh
+    Intrinsic,
+    /// That of its tufted cover
+    Tufted,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -167,7 +186,11 @@ fn context(arguments: &Arguments) -> Result<Context, Refusal> {
             MassName::Voronoi => MassKind::Voronoi,
             MassName::Consistent => MassKind::Consistent,
         }),
-        robust: arguments.robust,
+        robust: match arguments.robust {
+            RobustName::Off => Robust::Off,
+            RobustName::Intrinsic => Robust::Intrinsic,
+            RobustName::Tufted => Robust::Tufted,
+        },
         boundary: match arguments.boundary {
             BoundaryName::Neumann => Boundary::Neumann,
             BoundaryName::Dirichlet => Boundary::Dirichlet,

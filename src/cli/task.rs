@@ -22,7 +22,7 @@ pub struct Task {
     /// Lay what is under [quick] in the file over it, and take one seed of every variant: a rehearsal
     #[arg(long)]
     pub quick: bool,
-    /// Meshes or folders, in place of the pipeline's own
+    /// Meshes, folders, patterns such as 'scans/*.obj', or lists (.txt, .lst), in place of the pipeline's own
     #[arg(long, value_name = "PATH")]
     pub input: Vec<PathBuf>,
     /// Where results go: one folder a mesh

@@ -172,6 +172,20 @@ pub enum Fault {
     )]
     NoSurface { vertices: usize, triangles: usize },
 
+    /// The mesh has edges of three and more triangles or pinched vertices, and is to have none.
+    #[error(
+        "{edges} non-manifold edge{} and {vertices} non-manifold {}, which ingest.non_manifold = \"refuse\" turns away; \
+         `chladni info` shows where, and \"accept\" takes the mesh as it is",
+        if *.edges == 1 { "" } else { "s" },
+        if *.vertices == 1 { "vertex" } else { "vertices" }
+    )]
+    NonManifold { edges: usize, vertices: usize },
+    /// The file has faces that are dropped, and is to have none.
+    #[error(
+        "{faces} faces have no area or repeat others, which ingest.degenerate_faces = \"refuse\" turns away; \
+         `chladni info` shows where, and \"drop\" goes on without them"
+    )]
+    DegenerateFaces { faces: usize },
     /// The mended mesh breaks a rule of the canonical one. This is a defect of this program, not of the file.
     #[error("repair left an invalid mesh ({0}); please report the file")]
     Unsound(super::trimesh::InvalidMesh),

@@ -12,7 +12,7 @@ use std::path::Path;
 use super::error::{Failure, Fault, MeshError};
 use super::raw::RawMesh;
 use super::read::format::Format;
-use super::read::{gltf, obj, off, ply, stl, vtk};
+use super::read::{gltf, obj, off, ply, stl, vtk, vtp};
 use super::repair::{Repaired, Repairs, repair};
 use super::topology::Topology;
 use super::trimesh::TriMesh;
@@ -23,7 +23,7 @@ pub struct Ingested {
     /// The canonical mesh.
     pub mesh: TriMesh,
     /// For each vertex of the file its row in `mesh`, or −1 where it was dropped. The vertices of an OBJ file
-    /// are its `v` lines; those of OFF, PLY and VTK files are their lists of vertices or points; those of an STL
+    /// are its `v` lines; those of OFF, PLY, VTK and VTP files are their lists of vertices or points; those of an STL
     /// file are the corners of its facets, three a facet; those of a glTF file are the elements of its position
     /// accessors, mesh by mesh in the order of the scene, each accessor once a node.
     pub vertex_map: Vec<i64>,
@@ -68,6 +68,7 @@ fn ingest(path: &Path, bytes: &[u8]) -> Result<Ingested, Failure> {
         Format::Ply => ply::read(bytes)?,
         Format::Stl => stl::read(bytes)?,
         Format::Vtk => vtk::read(bytes)?,
+        Format::Vtp => vtp::read(bytes)?,
         Format::Gltf | Format::Glb => gltf::read(bytes, path)?,
     };
     let Repaired { mesh, vertex_map, repairs } = repair(&raw)?;

@@ -3,10 +3,12 @@
 //! - [`trimesh`]: the canonical, validated mesh that all other folders work on
 //! - [`hash`]: its content hash
 //! - [`topology`]: pieces, boundary, Euler characteristic, defects
+//! - [`shape`]: edge lengths and angles
 //! - [`closest`]: the point of a surface closest to a point of space
 //! - [`geodesic`]: distances along the surface
 //! - [`subdivide`]: every triangle becomes four
 //! - [`ingest`]: from a file to all of these, through `read` (one file a format), `raw` and [`repair`]
+//! - [`policy`]: which meshes are turned away
 //! - [`error`]: why a file did not become a mesh
 //! - [`sample`]: surfaces with known spectra
 
@@ -15,10 +17,12 @@ pub mod error;
 pub mod geodesic;
 pub mod hash;
 pub mod ingest;
+pub mod policy;
 mod raw;
 mod read;
 pub mod repair;
 pub mod sample;
+pub mod shape;
 pub mod subdivide;
 pub mod topology;
 pub mod trimesh;
@@ -26,6 +30,7 @@ pub mod trimesh;
 pub use error::{Fault, MeshError, Place};
 pub use hash::MeshHash;
 pub use ingest::{Ingested, load, load_bytes};
+pub use policy::IngestOptions;
 pub use read::format::Format;
 pub use read::gltf::companions;
 pub use repair::Repairs;

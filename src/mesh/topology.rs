@@ -2,9 +2,14 @@
 //!
 //! Counts come from one sorted list of half-edges, in O(n log n), and do not depend on anything but the faces.
 
+mod defects;
+mod pieces;
+
 use serde::Serialize;
 
 use super::trimesh::TriMesh;
+pub use defects::Defects;
+pub use pieces::{Piece, pieces};
 
 /// The topology of a mesh.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -63,15 +68,12 @@ impl Topology {
                 [_, _] => {}
                 _ => topology.non_manifold_edges += 1,
             }
-            for pair in edge.windows(2) {
-                fans.join(pair[0].lower_corner(), pair[1].lower_corner());
-                fans.join(pair[0].upper_corner(), pair[1].upper_corner());
-            }
+            join_fans(edge, &mut fans);
         }
         topology.euler_characteristic =
             topology.vertices as i64 - topology.edges as i64 + topology.faces as i64;
         topology.boundary_loops = count_loops(&boundary, &mut fans);
-        topology.non_manifold_vertices = count_pinched(mesh, &mut fans);
+        topology.non_manifold_vertices = pinched(mesh, &mut fans).count();
         topology.boundary_vertices = boundary.iter().flat_map(|edge| edge.ends).collect();
         topology.boundary_vertices.sort_unstable();
         topology.boundary_vertices.dedup();
@@ -157,6 +159,14 @@ fn sorted_half_edges(faces: &[[u32; 3]]) -> Vec<HalfEdge> {
     half_edges
 }
 
+/// Makes the corners at either end of an edge, given by all its half-edges, one fan.
+fn join_fans(edge: &[HalfEdge], fans: &mut Classes) {
+    for pair in edge.windows(2) {
+        fans.join(pair[0].lower_corner(), pair[1].lower_corner());
+        fans.join(pair[0].upper_corner(), pair[1].upper_corner());
+    }
+}
+
 /// Boundary edges follow one another where they end in the same fan: corners of one vertex joined by edges.
 fn count_loops(boundary: &[HalfEdge], fans: &mut Classes) -> usize {
     let mut loops = fans.clone();
@@ -169,14 +179,15 @@ fn count_loops(boundary: &[HalfEdge], fans: &mut Classes) -> usize {
     leaders.len()
 }
 
-fn count_pinched(mesh: &TriMesh, fans: &mut Classes) -> usize {
+/// The vertices with more than one fan, ascending.
+fn pinched<'a>(mesh: &TriMesh, fans: &'a mut Classes) -> impl Iterator<Item = u32> + use<'a> {
     let mut fans_at = vec![0_u32; mesh.n()];
     for (corner, &vertex) in mesh.faces().iter().flatten().enumerate() {
         if fans.leader(corner) == corner {
             fans_at[vertex as usize] += 1;
         }
     }
-    fans_at.iter().filter(|&&fans| fans > 1).count()
+    (0..).zip(fans_at).filter(|&(_, fans)| fans > 1).map(|(vertex, _)| vertex)
 }
 
 /// Disjoint sets of 0..n, each led by its lowest member.

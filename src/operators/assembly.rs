@@ -2,11 +2,11 @@
 
 use super::adjacency::{adjacency, graph_laplacian, graph_stiffness};
 use super::gluing::Gluing;
-use super::intrinsic::IntrinsicTriangulation;
+use super::intrinsic::{IntrinsicTriangulation, Remedies};
 use super::mass::mass;
 use super::stiffness::cotangent_stiffness;
 use super::{
-    Laplacian, MassKind, OperatorError, OperatorOptions, Pattern, Quality, Sparse, Triangle,
+    Laplacian, MassKind, OperatorError, OperatorOptions, Pattern, Quality, Robust, Sparse, Triangle,
 };
 use crate::mesh::{Area, TriMesh};
 
@@ -44,30 +44,36 @@ impl Operators {
         let mass_kind = options.mass_kind()?;
         let edges = Pattern::of_mesh(mesh);
         let (gluing, boundary) = Gluing::of(&edges, mesh.faces());
-        let (triangles, gluing, remedies) = if options.robust {
-            let (intrinsic, remedies) = IntrinsicTriangulation::robust(mesh, &edges, gluing);
-            (intrinsic.triangles()?, intrinsic.into_gluing(), Some(remedies))
-        } else {
-            (Triangle::of_mesh(mesh)?, gluing, None)
+        let (triangles, gluing, remedies) = match options.robust {
+            Robust::Off => (Triangle::of_mesh(mesh)?, gluing, None),
+            robust => {
+                let (intrinsic, remedies) = intrinsic(mesh, &edges, gluing, robust);
+                (intrinsic.triangles()?, intrinsic.into_gluing(), Some(remedies))
+            }
         };
+        let sheets = sheets(options.robust);
         let adjacency = adjacency(&edges);
         let geometric = options.laplacian != Laplacian::Graph;
         let pattern = match remedies {
-            Some(remedies) if geometric && remedies.flips > 0 => {
+            Some(remedies) if geometric && (remedies.flips > 0 || sheets > 1.0) => {
                 Pattern::of(mesh.n(), triangles.iter().map(|triangle| triangle.vertices))
             }
             _ => edges,
         };
-        let stiffness = match options.laplacian {
-            Laplacian::Fem | Laplacian::Cotangent => cotangent_stiffness(&pattern, &triangles),
-            Laplacian::Graph => graph_stiffness(&pattern),
+        let shared = |sum: Sparse| if sheets > 1.0 { sum.map(|entry| entry / sheets) } else { sum };
+        let (stiffness, mass) = match options.laplacian {
+            Laplacian::Fem | Laplacian::Cotangent => (
+                shared(cotangent_stiffness(&pattern, &triangles)),
+                shared(mass(mass_kind, &pattern, &triangles)),
+            ),
+            Laplacian::Graph => (graph_stiffness(&pattern), mass(mass_kind, &pattern, &triangles)),
         };
         Ok(Self {
             adjacency,
-            mass: mass(mass_kind, &pattern, &triangles),
+            mass,
             mass_kind,
             boundary,
-            area: Area(triangles.iter().map(|triangle| triangle.area).sum()),
+            area: Area(triangles.iter().map(|triangle| triangle.area).sum::<f64>() / sheets),
             quality: Quality::of(&triangles, &gluing, &stiffness, remedies),
             stiffness,
         })
@@ -90,18 +96,39 @@ impl Operators {
     }
 }
 
-/// The triangles that L and B are sums over: those of the mesh, or with `robust` those of its mollified intrinsic
-/// Delaunay triangulation.
+/// The triangles that L and B are sums over, each sum divided by the number of their [`sheets`]: those of the mesh, or
+/// those of an intrinsic triangulation.
 ///
 /// # Errors
 /// When a triangle has no angles: [`OperatorError`].
-pub fn triangles(mesh: &TriMesh, robust: bool) -> Result<Vec<Triangle>, OperatorError> {
-    if !robust {
+pub fn triangles(mesh: &TriMesh, robust: Robust) -> Result<Vec<Triangle>, OperatorError> {
+    if robust == Robust::Off {
         return Triangle::of_mesh(mesh);
     }
     let edges = Pattern::of_mesh(mesh);
     let (gluing, _) = Gluing::of(&edges, mesh.faces());
-    IntrinsicTriangulation::robust(mesh, &edges, gluing).0.triangles()
+    intrinsic(mesh, &edges, gluing, robust).0.triangles()
+}
+
+/// How often the triangles cover the surface.
+pub fn sheets(robust: Robust) -> f64 {
+    match robust {
+        Robust::Off | Robust::Intrinsic => 1.0,
+        Robust::Tufted => 2.0,
+    }
+}
+
+/// `gluing`: of the mesh itself.
+fn intrinsic(
+    mesh: &TriMesh,
+    edges: &Pattern,
+    gluing: Gluing,
+    robust: Robust,
+) -> (IntrinsicTriangulation, Remedies) {
+    match robust {
+        Robust::Tufted => IntrinsicTriangulation::tufted(mesh, edges),
+        Robust::Off | Robust::Intrinsic => IntrinsicTriangulation::robust(mesh, edges, gluing),
+    }
 }
 
 #[cfg(test)]

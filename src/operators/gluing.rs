@@ -103,7 +103,7 @@ impl Gluing {
             let edge = &mut edges[pattern.place(side.face(), lower, upper)];
             *edge = edge.and(side);
         }
-        let mut gluing = Self { mates: vec![None; 3 * faces.len()] };
+        let mut gluing = Self::none(faces.len());
         let mut on_boundary = vec![false; pattern.n()];
         for edge in edges {
             match edge {
@@ -117,6 +117,11 @@ impl Gluing {
         }
         let vertices = (0..).zip(on_boundary);
         (gluing, vertices.filter_map(|(vertex, on)| on.then_some(vertex)).collect())
+    }
+
+    /// The gluing of so many triangles of which none are neighbours.
+    pub fn none(triangles: usize) -> Self {
+        Self { mates: vec![None; 3 * triangles] }
     }
 
     /// What a side is glued to.

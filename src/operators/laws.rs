@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::{MassKind, OperatorOptions, Operators, Sparse};
+use super::{MassKind, OperatorOptions, Operators, Robust, Sparse};
 use crate::mesh::{TriMesh, sample::icosphere};
 
 const N: usize = 42;
@@ -88,7 +88,7 @@ proptest! {
     #[test]
     fn stiffness_is_invariant_and_mass_scales_with_the_area(mesh in hills(), change in change()) {
         let moved = change.of(&mesh);
-        for robust in [false, true] {
+        for robust in Robust::ALL {
             for mass in [MassKind::Lumped, MassKind::Voronoi, MassKind::Consistent] {
                 let options =
                     OperatorOptions { mass: Some(mass), robust, ..Default::default() };

@@ -27,7 +27,7 @@ pub mod triangle;
 pub use assembly::Operators;
 pub use error::OperatorError;
 pub use mass::MassKind;
-pub use options::{Boundary, Laplacian, OperatorOptions};
+pub use options::{Boundary, Laplacian, OperatorOptions, Robust};
 pub use pattern::Pattern;
 pub use quality::Quality;
 pub use triangle::Triangle;

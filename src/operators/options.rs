@@ -1,6 +1,9 @@
 //! Which Laplacian: the choice between (5), (7) and (12), and the mass that goes with each.
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
+
+use serde::de::{Error, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{MassKind, OperatorError};
 
@@ -72,6 +75,79 @@ impl Boundary {
     }
 }
 
+/// Which triangles of the surface operators are assembled on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Robust {
+    /// `false`: those of the mesh.
+    #[default]
+    Off,
+    /// `true`: those of its mollified intrinsic Delaunay triangulation.
+    Intrinsic,
+    /// `"tufted"`: those of the mollified intrinsic Delaunay triangulation of its tufted cover, which is flipped where
+    /// three and more triangles meet, and on the boundary, too.
+    Tufted,
+}
+
+impl Robust {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Off, Self::Intrinsic, Self::Tufted];
+
+    /// The name used in keys.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Off => "false",
+            Self::Intrinsic => "true",
+            Self::Tufted => TUFTED,
+        }
+    }
+}
+
+const TUFTED: &str = "tufted";
+
+impl From<bool> for Robust {
+    fn from(robust: bool) -> Self {
+        if robust { Self::Intrinsic } else { Self::Off }
+    }
+}
+
+impl Serialize for Robust {
+    fn serialize<S: Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Off => out.serialize_bool(false),
+            Self::Intrinsic => out.serialize_bool(true),
+            Self::Tufted => out.serialize_str(TUFTED),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Robust {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Named;
+
+        impl Visitor<'_> for Named {
+            type Value = Robust;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("true, false or \"tufted\"")
+            }
+
+            fn visit_bool<E: Error>(self, robust: bool) -> Result<Robust, E> {
+                Ok(robust.into())
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<Robust, E> {
+                if name == TUFTED {
+                    Ok(Robust::Tufted)
+                } else {
+                    Err(E::invalid_value(Unexpected::Str(name), &self))
+                }
+            }
+        }
+
+        from.deserialize_any(Named)
+    }
+}
+
 /// Which operators are assembled, and which problem they pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default)]
@@ -81,9 +157,8 @@ pub struct OperatorOptions {
     /// `lumped` (6), `voronoi`, `consistent` (11) or `degree`; `auto` is the Laplacian's own.
     #[serde(with = "auto")]
     pub mass: Option<MassKind>,
-    /// Whether they are assembled on the mollified intrinsic Delaunay triangulation of the mesh. The graph Laplacian
-    /// stays that of the mesh.
-    pub robust: bool,
+    /// Which triangles they are assembled on. The graph Laplacian stays that of the mesh.
+    pub robust: Robust,
     /// `neumann` or `dirichlet`. Assembly does not depend on it: boundary vertices are eliminated when the eigenproblem
     /// is posed.
     pub boundary: Boundary,
@@ -156,6 +231,19 @@ mod tests {
             options.mass_kind().unwrap_err().to_string(),
             "the graph Laplacian has no voronoi mass; leave the mass out, or choose degree"
         );
+    }
+
+    #[test]
+    fn robust_is_a_boolean_or_a_name() {
+        let options = |text: &str| toml::from_str::<OperatorOptions>(text);
+        for robust in Robust::ALL {
+            let written =
+                toml::to_string(&OperatorOptions { robust, ..Default::default() }).unwrap();
+            assert_eq!(options(&written).unwrap().robust, robust, "{written}");
+        }
+        assert_eq!(options("robust = true").unwrap().robust, Robust::Intrinsic);
+        let error = options("robust = \"tuffed\"").unwrap_err().to_string();
+        assert!(error.contains("true, false or \"tufted\""), "{error}");
     }
 
     #[test]

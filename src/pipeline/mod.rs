@@ -26,6 +26,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::ggnn::features::FeatureOptions;
+use crate::mesh::IngestOptions;
 use crate::mesh::sample::{Set, Shape};
 use crate::operators::OperatorOptions;
 use crate::remesh::FamilyRecipe;
@@ -45,6 +46,8 @@ pub use verify::{Formula, MpgdDirection, Verify};
 pub struct Pipeline {
     /// Where meshes come from.
     pub input: Input,
+    /// `[ingest]`: which meshes are turned away.
+    pub ingest: IngestOptions,
     /// The variants that a model is trained on.
     pub family: FamilyRecipe,
     /// `[operators]`: which Laplacian, with which mass.
@@ -63,7 +66,7 @@ pub struct Pipeline {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Input {
-    /// Mesh files, or folders that are searched for them; relative to the pipeline file.
+    /// Mesh files, folders that are searched for them, patterns and lists of either; relative to the pipeline file.
     pub paths: Vec<PathBuf>,
     /// Samplings of surfaces that have a formula.
     pub generate: Vec<Generate>,

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::Dense;
 use super::pencil::{InnerProduct, column};
 use crate::mesh::TriMesh;
-use crate::operators::assembly::triangles;
+use crate::operators::assembly::{sheets, triangles};
 use crate::operators::mass::{lumped_areas, voronoi_areas};
 use crate::operators::{MassKind, OperatorError, OperatorOptions, Triangle};
 
@@ -60,7 +60,7 @@ impl TrianglePencil {
     ) -> Result<Self, OperatorError> {
         let options = options.into();
         let mass_kind = options.mass_kind()?;
-        let triangles = triangles(mesh, options.robust)?;
+        let mut triangles = triangles(mesh, options.robust)?;
         let n = mesh.n();
         let mass = match mass_kind {
             MassKind::Lumped => Mass::Diagonal(lumped_areas(n, &triangles)),
@@ -68,6 +68,18 @@ impl TrianglePencil {
             MassKind::Consistent => Mass::Consistent,
             MassKind::Degree => return Err(OperatorError::NoTriangles),
         };
+        let sheets = sheets(options.robust);
+        let mass = match mass {
+            Mass::Diagonal(areas) => {
+                Mass::Diagonal(areas.into_iter().map(|area| area / sheets).collect())
+            }
+            Mass::Consistent => Mass::Consistent,
+        };
+        // From here on they are only summed over.
+        for triangle in triangles.iter_mut().filter(|_| sheets > 1.0) {
+            triangle.area /= sheets;
+            triangle.cotangents.iter_mut().for_each(|cotangent| *cotangent /= sheets);
+        }
         Ok(Self { n, triangles, mass, mass_kind })
     }
 
@@ -303,7 +315,7 @@ fn sum(
 mod tests {
     use super::*;
     use crate::mesh::sample::icosphere;
-    use crate::operators::{Laplacian, Operators};
+    use crate::operators::{Laplacian, Operators, Robust};
     use crate::spectrum::Pencil;
     use crate::spectrum::pencil::product;
 
@@ -333,7 +345,7 @@ mod tests {
     #[test]
     fn sums_over_triangles_are_those_of_the_assembled_matrices() {
         for (mesh, kind) in meshes().iter().flat_map(|mesh| MASSES.map(|kind| (mesh, kind))) {
-            for robust in [false, true] {
+            for robust in Robust::ALL {
                 let options = OperatorOptions { robust, ..kind.into() };
                 let operators = Operators::assemble(mesh, options).unwrap();
                 let pencil = TrianglePencil::of_mesh(mesh, options).unwrap();

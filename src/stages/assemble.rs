@@ -57,7 +57,7 @@ pub fn operators_of(
     let options = context.pipeline.operators;
     let work = Work::<OperatorsArtifact>::of_stage()
         .param("mass", options.mass_kind()?.name())
-        .param("robust", options.robust.to_string())
+        .param("robust", options.robust.name())
         .input("mesh", &Digest::from_bytes(*mesh.hash().as_bytes()))
         .seeded(0, "f64");
     context.recall(item, work, || Ok((&Operators::assemble(mesh, options)?).into()))

@@ -42,10 +42,11 @@ impl Loaded {
 /// Reads and repairs the mesh of `job`.
 ///
 /// # Errors
-/// Why the file is no mesh; or that it has too few vertices for K pairs.
+/// Why the file is no mesh; that the pipeline turns it away; or that it has too few vertices for K pairs.
 pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
     let started = Instant::now();
     let ingested = mesh::load(&job.source)?;
+    context.pipeline.ingest.check(&ingested, &job.source)?;
     let n = ingested.mesh.n();
     let k = context.pipeline.train.k.of(n);
     if n < k {

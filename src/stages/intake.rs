@@ -1,4 +1,10 @@
-//! Which meshes there are: files, and folders searched for them.
+//! Which meshes there are: files, folders searched for them, and lists and patterns of either.
+//!
+//! - `list`: text files with a mesh a line
+//! - `pattern`: names with wildcards
+
+mod list;
+mod pattern;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -6,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use ignore::WalkBuilder;
 
+use self::pattern::Pattern;
 use crate::mesh::Format;
 use crate::mesh::sample::{SampleError, Set};
 use crate::pipeline::Generate;
@@ -54,6 +61,18 @@ pub enum IntakeError {
     /// A folder that cannot be listed.
     #[error("{path}: the folder cannot be read ({source}); check its permissions")]
     Unreadable { path: PathBuf, source: io::Error },
+    /// Wildcards that cannot be understood.
+    #[error("{pattern} is no pattern ({reason}); wildcards are `*`, `?`, `**`, [ab] and {{a,b}}")]
+    Pattern { pattern: String, reason: String },
+    /// Wildcards that match nothing.
+    #[error(
+        "{pattern} matches no mesh; meshes end in {}, and what is hidden or under a .chladniignore is passed over",
+        Format::listed(Format::extension)
+    )]
+    NoMatch { pattern: String },
+    /// A list that cannot be read, or a line of it that cannot be meant.
+    #[error("{}{}: {reason}", .list.display(), .line.map_or(String::new(), |line| format!(", line {line}")))]
+    List { list: PathBuf, line: Option<usize>, reason: String },
     /// Two meshes whose results would go to the same place.
     #[error(
         "{first} and {second} would both write their results to {name}; \
@@ -62,8 +81,9 @@ pub enum IntakeError {
     Clash { first: PathBuf, second: PathBuf, name: String },
 }
 
-/// Lists the meshes of `inputs`, in the order of the inputs, folders sorted by name. A path that does not exist
-/// becomes a job too: it fails when it is read, with its reason, and the others go on.
+/// Lists the meshes of `inputs`, in the order of the inputs, folders sorted by name. An input is a mesh, a folder, a
+/// pattern, or a list of these. A path that does not exist becomes a job too: it fails when it is read, with its reason,
+/// and the others go on.
 ///
 /// # Errors
 /// [`IntakeError`].
@@ -73,12 +93,7 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
     }
     let mut jobs = Vec::new();
     for input in inputs {
-        if input.is_dir() {
-            jobs.extend(search(input)?);
-        } else {
-            let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
-            jobs.push(Job { source: input.clone(), name: name.into_owned() });
-        }
+        jobs.extend(if list::is_list(input) { list::jobs(input)? } else { of_input(input)? });
     }
     if jobs.is_empty() {
         let searched = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>();
@@ -100,6 +115,18 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
         }
     }
     Ok(jobs)
+}
+
+/// The meshes of an input that is no list.
+fn of_input(input: &Path) -> Result<Vec<Job>, IntakeError> {
+    if input.is_dir() {
+        return search(input);
+    }
+    if let Some(pattern) = Pattern::of(input)? {
+        return pattern.jobs();
+    }
+    let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
+    Ok(vec![Job { source: input.to_owned(), name: name.into_owned() }])
 }
 
 /// Makes the samplings that a pipeline asks for, as files in `folder`: `square-144.ply`, of another seed

@@ -158,7 +158,8 @@ fn path_key(pipeline: &Pipeline, loaded: &Loaded) -> Option<CacheKey> {
 
 /// What results depend on besides the mesh: with trunks of their own, and with solved pairs, not on K.
 fn under(key: KeyBuilder, pipeline: &Pipeline) -> KeyBuilder {
-    let Pipeline { input: _, family, operators, features, train, verify: _, publish: _ } = pipeline;
+    let Pipeline { input: _, ingest: _, family, operators, features, train, verify: _, publish: _ } =
+        pipeline;
     let key = key.param("operators", canonical(operators));
     if train.method == Method::Fem {
         return key.param("method", "fem");

@@ -352,7 +352,7 @@ fn area_of(pipeline: &Pipeline, loaded: &Loaded) -> Area {
 /// All options that can change a number: not where meshes come from nor which files are written. A given model stands for
 /// the options that it was trained with. `train`: those that were really used, which a search may have chosen.
 fn parameters(context: &Context, train: &Train) -> serde_json::Value {
-    let Pipeline { input: _, family, operators, features, train: _, verify, publish: _ } =
+    let Pipeline { input: _, ingest: _, family, operators, features, train: _, verify, publish: _ } =
         &context.pipeline;
     match &context.model {
         Some(given) if train.method == Method::Predict => json!({

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use chladni::mesh::{Topology, TriMesh, load};
-use chladni::operators::{Boundary, MassKind, OperatorOptions};
+use chladni::operators::{Boundary, MassKind, OperatorOptions, Robust};
 use serde::Deserialize;
 
 use super::{Surface, distance, grid, lowest, mesh, meshes, shared};
@@ -99,8 +99,11 @@ fn spot_with_slivers() -> TriMesh {
 fn slivers_are_no_obstacle_to_the_intrinsic_triangulation() {
     let golden: serde_json::Value = serde_json::from_str(SLIVERS).unwrap();
     let mesh = spot_with_slivers();
-    let robust =
-        OperatorOptions { mass: Some(MassKind::Lumped), robust: true, ..Default::default() };
+    let robust = OperatorOptions {
+        mass: Some(MassKind::Lumped),
+        robust: Robust::Intrinsic,
+        ..Default::default()
+    };
     let own = Surface::of(&mesh, MassKind::Lumped).operators.quality;
     assert!(own.non_delaunay_edges > 200 && own.min_angle_degrees < 0.2, "{own:?}");
     let surface = Surface::of(&mesh, robust);
@@ -113,4 +116,40 @@ fn slivers_are_no_obstacle_to_the_intrinsic_triangulation() {
     let found = surface.lowest(expected.len()).values;
     let worst = distance(&found, &expected, 1e-9 / area);
     assert!(worst < 1e-9, "{worst:e}");
+}
+
+/// Lowest eigenvalues under the lumped mass by robust-laplacian 1.1.0 (`mesh_laplacian`, its default mollification)
+/// and `scipy.linalg.eigh`, polygons in the same fans.
+const TUFTED: [(&str, [f64; 4]); 4] = [
+    (
+        "gc_fan3.obj",
+        [0.19481563551363998, 0.23627642009929342, 0.3200000000000004, 0.4527589587816337],
+    ),
+    (
+        "gc_triple_vierbein.obj",
+        [0.14230437854815337, 0.1579371345494486, 0.1978561394673069, 0.6189186164359687],
+    ),
+    (
+        "gc_hourglass_ico.obj",
+        [0.27936235252882924, 2.0000106449653847, 2.000031004429941, 2.0000311260838077],
+    ),
+    (
+        "gc_moebius.obj",
+        [0.004769596598270545, 0.0047772813936067735, 0.018124758711714824, 0.01813970865184512],
+    ),
+];
+
+#[test]
+fn on_the_tufted_cover_branching_surfaces_have_the_eigenvalues_of_robust_laplacian() {
+    for (name, expected) in TUFTED {
+        let options = OperatorOptions {
+            mass: Some(MassKind::Lumped),
+            robust: Robust::Tufted,
+            ..Default::default()
+        };
+        let found = Surface::of(&mesh(name), options).lowest(5).values;
+        for (found, expected) in found[1..].iter().zip(expected) {
+            assert!((found / expected - 1.0).abs() < 1e-9, "{name}: {found} {expected}");
+        }
+    }
 }

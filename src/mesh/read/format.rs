@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{off, stl};
+use super::{off, stl, vtp};
 use crate::mesh::error::Fault;
 
 /// The formats that can be read.
@@ -19,6 +19,8 @@ pub enum Format {
     Stl,
     /// Legacy VTK.
     Vtk,
+    /// VTK's XML files of `PolyData`.
+    Vtp,
     /// glTF 2.0, JSON with buffers beside or inside it.
     Gltf,
     /// glTF 2.0 in its binary container.
@@ -33,16 +35,12 @@ const OBJ_KEYWORDS: [&[u8]; 12] =
     [b"v", b"vt", b"vn", b"vp", b"f", b"l", b"p", b"o", b"g", b"s", b"mtllib", b"usemtl"];
 
 /// Formats that are met often and not read, by their first bytes.
-const OTHERS: [(&[u8], &str); 3] = [
-    (b"Kaydara FBX", "an FBX file"),
-    (b"<VTKFile", "a VTK file of the XML kind"),
-    (b"<?xml", "an XML file"),
-];
+const OTHERS: [(&[u8], &str); 2] = [(b"Kaydara FBX", "an FBX file"), (b"<?xml", "an XML file")];
 
 impl Format {
     /// All of them, as they are listed.
-    pub const ALL: [Self; 7] =
-        [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Vtk, Self::Gltf, Self::Glb];
+    pub const ALL: [Self; 8] =
+        [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Vtk, Self::Vtp, Self::Gltf, Self::Glb];
 
     /// What people call it.
     pub fn name(self) -> &'static str {
@@ -52,6 +50,7 @@ impl Format {
             Self::Ply => "PLY",
             Self::Stl => "STL",
             Self::Vtk => "VTK",
+            Self::Vtp => "VTP",
             Self::Gltf => "glTF",
             Self::Glb => "GLB",
         }
@@ -65,6 +64,7 @@ impl Format {
             Self::Ply => ".ply",
             Self::Stl => ".stl",
             Self::Vtk => ".vtk",
+            Self::Vtp => ".vtp",
             Self::Gltf => ".gltf",
             Self::Glb => ".glb",
         }
@@ -125,6 +125,8 @@ impl Format {
             Some(Self::Ply)
         } else if begins(b"# vtk datafile") {
             Some(Self::Vtk)
+        } else if text.trim_ascii_start().starts_with(b"<") && vtp::has_header(text) {
+            Some(Self::Vtp)
         } else if stl::is_exactly_binary(text) || stl::begins_as_text(text) {
             Some(Self::Stl)
         } else if off::has_header(text) {
@@ -157,6 +159,9 @@ mod tests {
         assert_eq!(of(b"\xef\xbb\xbfo thing\n", Some("glb")), Some(Format::Obj));
         assert_eq!(of(b"ply\r\nformat", Some("stl")), Some(Format::Ply));
         assert_eq!(of(b"# vtk DataFile Version 3.0\n", Some("obj")), Some(Format::Vtk));
+        assert_eq!(of(b"<VTKFile type=\"PolyData\">", None), Some(Format::Vtp));
+        let declared = b"<?xml version=\"1.0\"?>\n<!-- any -->\n<VTKFile>";
+        assert_eq!(of(declared, Some("xml")), Some(Format::Vtp));
         assert_eq!(of(b" Solid part\n", Some("vtk")), Some(Format::Stl));
         for header in ["OFF", "COFF", "NOFF", "STCNOFF", "4nOFF", "# made\n\nOFF 3 1 0", "OFF3 1"] {
             assert_eq!(of(format!("{header}\n").as_bytes(), Some("ply")), Some(Format::Off));
@@ -187,10 +192,10 @@ mod tests {
     #[test]
     fn what_is_not_read_is_named() {
         let message = |bytes: &[u8]| Format::of(bytes, None).unwrap_err().to_string();
-        assert!(message(b"<VTKFile type=\"PolyData\">").contains("XML kind"));
+        assert!(message(b"<?xml version=\"1.0\"?>\n<COLLADA/>").contains("an XML file"));
         assert!(message(b"").contains("empty"));
         let listed = "no mesh format that is read; \
-            convert the mesh to OBJ, OFF, PLY, STL, VTK, glTF or GLB";
+            convert the mesh to OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB";
         assert!(message(b"\x7fELF\0\0v 1 2 3\n").contains(listed));
     }
 }

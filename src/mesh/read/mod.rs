@@ -6,8 +6,9 @@
 //! - [`ply`]: Stanford's PLY
 //! - [`stl`]: STL, triangles without indices
 //! - [`vtk`]: legacy VTK
+//! - [`vtp`]: VTK's XML files of `PolyData`
 //! - [`gltf`]: glTF 2.0, as `.gltf` and as `.glb`
-//! - [`scan`], [`values`]: the lines and the numbers of OFF, PLY, STL and VTK
+//! - [`scan`], [`values`]: the lines and the numbers of OFF, PLY, STL, VTK and VTP
 
 pub mod format;
 pub(super) mod gltf;
@@ -18,3 +19,4 @@ mod scan;
 pub(super) mod stl;
 mod values;
 pub(super) mod vtk;
+pub(super) mod vtp;

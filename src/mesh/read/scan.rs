@@ -18,6 +18,11 @@ impl<'a> Scanner<'a> {
         Self { rest, line: &[], number: 0, comment: None }
     }
 
+    /// In the middle of a file: before what `bytes` begin with, which is on line `number`.
+    pub fn from_line(bytes: &'a [u8], number: u32) -> Self {
+        Self { rest: bytes, line: &[], number: number.saturating_sub(1), comment: None }
+    }
+
     /// What stands between `mark` and the end of its line is no content.
     pub fn with_comments(self, mark: u8) -> Self {
         Self { comment: Some(mark), ..self }

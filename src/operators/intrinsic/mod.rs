@@ -1,13 +1,15 @@
 //! A triangulation by edge lengths, for meshes whose own triangles are too thin to compute with.
 //!
-//! After Sharp and Crane, "A Laplacian for Nonmanifold Triangle Meshes" (2020), without their tufted cover:
+//! After Sharp and Crane, "A Laplacian for Nonmanifold Triangle Meshes" (2020):
+//! - [`cover`]: two sheets of the surface, glued so that every edge has two triangles, if that is asked for
 //! - [`mollify`]: all edges become longer by the little that makes the thinnest triangles fat enough
 //! - [`delaunay`]: edges are flipped inside the surface until no weight between two triangles is negative
 //!
 //! Vertices, and the surface but for the little, stay what they are. Triangles are glued by their sides, so that
-//! neither a common orientation nor any orientation at all is needed. Edges of three or more triangles are not
-//! flipped, and their weights may stay negative; nor are those of the boundary.
+//! neither a common orientation nor any orientation at all is needed. Without the cover, edges of three or more
+//! triangles are not flipped, and their weights may stay negative; nor are those of the boundary.
 
+mod cover;
 mod delaunay;
 mod mollify;
 
@@ -40,6 +42,15 @@ impl IntrinsicTriangulation {
     /// The mollified intrinsic Delaunay triangulation of a mesh.
     pub fn robust(mesh: &TriMesh, pattern: &Pattern, gluing: Gluing) -> (Self, Remedies) {
         let mut triangulation = Self::of_mesh(mesh, gluing);
+        let mollification = triangulation.mollify(mean_edge_length(mesh, pattern));
+        let flips = triangulation.flip_to_delaunay();
+        (triangulation, Remedies { mollification, flips })
+    }
+
+    /// The mollified intrinsic Delaunay triangulation of the tufted cover of a mesh: every sum over it is twice that over
+    /// the surface.
+    pub fn tufted(mesh: &TriMesh, pattern: &Pattern) -> (Self, Remedies) {
+        let mut triangulation = Self::of_cover(mesh, pattern);
         let mollification = triangulation.mollify(mean_edge_length(mesh, pattern));
         let flips = triangulation.flip_to_delaunay();
         (triangulation, Remedies { mollification, flips })

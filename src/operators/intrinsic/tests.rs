@@ -6,7 +6,7 @@ use crate::operators::{MassKind, OperatorOptions, Operators};
 const ROBUST: OperatorOptions = OperatorOptions {
     laplacian: crate::operators::Laplacian::Cotangent,
     mass: Some(MassKind::Consistent),
-    robust: true,
+    robust: crate::operators::Robust::Intrinsic,
     boundary: crate::operators::Boundary::Neumann,
 };
 
@@ -152,5 +152,68 @@ fn lengths_beyond_double_precision_are_an_error() {
         let mesh = TriMesh::new(vertices, flat_cap().faces().to_vec()).unwrap();
         let error = Operators::assemble(&mesh, ROBUST).unwrap_err();
         assert!(matches!(error, OperatorError::Collapsed { .. }), "{error}");
+    }
+}
+
+// ---- the tufted cover
+
+const TUFTED: OperatorOptions =
+    OperatorOptions { robust: crate::operators::Robust::Tufted, ..ROBUST };
+
+fn data(name: &str) -> TriMesh {
+    load(format!("tests/data/meshes/{name}").as_ref()).unwrap().mesh
+}
+
+#[test]
+fn the_cover_is_closed_oriented_and_twice_the_surface() {
+    let names = ["gc_fan3.obj", "gc_triple_vierbein.obj", "gc_moebius.obj", "lapy_square-mesh.off"];
+    for mesh in names.map(data).into_iter().chain([spindle(1, 8.0), flat_cap()]) {
+        let pattern = Pattern::of_mesh(&mesh);
+        let mut cover = IntrinsicTriangulation::of_cover(&mesh, &pattern);
+        let mut twice = 2.0 * mesh.area().0;
+        for flipped in [false, true] {
+            assert_whole(&cover);
+            let sides = 3 * cover.vertices.len();
+            assert_eq!((sides, 2 * cover.gluing.edges().count()), (6 * mesh.faces().len(), sides));
+            let area: f64 = cover.triangles().unwrap().iter().map(|t| t.area).sum();
+            assert!((area / twice - 1.0).abs() < 1e-10);
+            if !flipped {
+                cover.mollify(mean_edge_length(&mesh, &pattern));
+                twice = cover.triangles().unwrap().iter().map(|t| t.area).sum();
+                cover.flip_to_delaunay();
+            }
+        }
+    }
+}
+
+#[test]
+fn a_closed_manifold_mesh_has_two_copies_of_itself_for_a_cover() {
+    for mesh in [spindle(2, 20.0), data("spot_829.obj"), data("lapy_torus.off")] {
+        let [robust, tufted] =
+            [ROBUST, TUFTED].map(|options| Operators::assemble(&mesh, options).unwrap());
+        assert!((tufted.area.0 / robust.area.0 - 1.0).abs() < 1e-13);
+        let scale = robust.stiffness.data().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        for (l, (i, j)) in robust.stiffness.iter() {
+            let other = tufted.stiffness.get(i, j).copied().unwrap_or(0.0);
+            assert!((l - other).abs() < 1e-9 * scale, "({i}, {j}): {l} {other}");
+        }
+    }
+}
+
+#[test]
+fn no_weight_of_the_cover_is_negative_and_constants_stay_in_the_kernel() {
+    let names = ["gc_fan3.obj", "gc_triple_vierbein.obj", "gc_moebius.obj", "gc_lego.ply"];
+    for mesh in names.map(data).into_iter().chain([flat_cap()]) {
+        for mass in [MassKind::Lumped, MassKind::Voronoi, MassKind::Consistent] {
+            let options = OperatorOptions { mass: Some(mass), ..TUFTED };
+            let operators = Operators::assemble(&mesh, options).unwrap();
+            let quality = operators.quality;
+            assert_eq!((quality.negative_weights, quality.non_delaunay_edges), (0, 0));
+            assert!((operators.total_mass() / operators.area.0 - 1.0).abs() < 1e-12);
+            for row in operators.stiffness.outer_iterator() {
+                let scale: f64 = row.data().iter().map(|entry| entry.abs()).sum();
+                assert!(row.data().iter().sum::<f64>().abs() < 1e-13 * scale);
+            }
+        }
     }
 }

@@ -1,0 +1,6 @@
+//! Whatever the bytes of a file called `.stl` are, they are a mesh or an error.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = chladni::mesh::load_bytes("nowhere/fuzz.stl".as_ref(), bytes);
+});
