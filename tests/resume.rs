@@ -76,7 +76,8 @@ fn one_long(steps: usize) -> String {
 
 #[test]
 fn a_training_that_was_killed_goes_on_from_its_checkpoint() {
-    let pipeline = one_long(4000);
+    // More than the kills below take together, on any machine.
+    let pipeline = one_long(12_000);
     let undisturbed = Workspace::new(&pipeline);
     assert_eq!(undisturbed.report(&[]).0, 0);
 

@@ -69,15 +69,13 @@ impl Visitor<'_> for NumberOrShare {
     }
 
     fn visit_u64<E: Error>(self, k: u64) -> Result<Count, E> {
-        let k = usize::try_from(k);
-        k.map(Count::Number)
-            .map_err(|_| E::invalid_value(Unexpected::Other("a huge number"), &self))
+        let number = usize::try_from(k).map(Count::Number);
+        number.map_err(|_| E::invalid_value(Unexpected::Unsigned(k), &self))
     }
 
     fn visit_i64<E: Error>(self, k: i64) -> Result<Count, E> {
-        let k = u64::try_from(k);
-        k.map_err(|_| E::invalid_value(Unexpected::Other("a negative number"), &self))
-            .and_then(|k| self.visit_u64(k))
+        let number = usize::try_from(k).map(Count::Number);
+        number.map_err(|_| E::invalid_value(Unexpected::Signed(k), &self))
     }
 }
 
