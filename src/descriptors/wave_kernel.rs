@@ -24,12 +24,16 @@ pub struct Energies {
 }
 
 impl Energies {
-    /// `count` energies, 29 or more. With δ = (ln λ_K − ln λ₂)/count, from the smallest λ that is not 0 to the largest, σ
+    /// `count` energies. With δ = (ln λ_K − ln λ₂)/count, from the smallest λ that is not 0 to the largest, σ
     /// is 7δ, and e goes from ln λ₂ + 2σ to ln λ_K − 2σ in even steps.
     ///
     /// # Errors
     /// When there are not two different λ > 0.
+    ///
+    /// # Panics
+    /// When `count` is below 29: 4σ are then more than what there is from ln λ₂ to ln λ_K.
     pub fn of(basis: &Basis<'_>, count: usize) -> Result<Self, TooFew> {
+        assert!(count as f64 > 4.0 * WIDTH, "{count} energies are too few");
         let [low, high] = basis.range(Descriptor::Wks, 2)?.map(f64::ln);
         let sigma = WIDTH * (high - low) / count as f64;
         let [first, last] = [low + 2.0 * sigma, high - 2.0 * sigma];

@@ -56,21 +56,26 @@ fn variable(
     [rows, columns]: [usize; 2],
     values: impl Iterator<Item = f64>,
 ) -> Result<(), TooLarge> {
+    let words = |words: [u32; 2]| words.into_iter().flat_map(u32::to_le_bytes);
+    // Up to four bytes stand in the tag itself.
+    let mut named: Vec<u8> = match name.len() as u32 {
+        length @ ..=4 => (length << 16 | INT8).to_le_bytes().to_vec(),
+        length => words([INT8, length]).collect(),
+    };
+    named.extend(name.as_bytes());
+    named.resize(named.len().next_multiple_of(8), 0);
     let length = 8 * rows as u64 * columns as u64;
-    // Flags, dimensions, name, values; each after its tag of 8.
-    let whole = 16 + 16 + 8 + name.len().next_multiple_of(8) as u64 + 8 + length;
+    // Flags, dimensions, name, values; each with its tag of 8.
+    let whole = 16 + 16 + named.len() as u64 + 8 + length;
     if i32::try_from(whole).is_err() {
         return Err(TooLarge { bytes: whole });
     }
-    let words = |words: [u32; 2]| words.into_iter().flat_map(u32::to_le_bytes);
     bytes.extend(words([MATRIX, whole as u32]));
     bytes.extend(words([UINT32, 8]));
     bytes.extend(words([DOUBLE_CLASS, 0]));
     bytes.extend(words([INT32, 8]));
     bytes.extend(words([rows as u32, columns as u32]));
-    bytes.extend(words([INT8, name.len() as u32]));
-    bytes.extend(name.as_bytes());
-    bytes.resize(bytes.len().next_multiple_of(8), 0);
+    bytes.extend(named);
     bytes.extend(words([DOUBLE, length as u32]));
     bytes.extend(values.flat_map(f64::to_le_bytes));
     Ok(())
@@ -95,9 +100,13 @@ mod tests {
             let mut parts = Vec::new();
             let mut inside = at + 8;
             while inside < end {
-                let (kind, length) = (word(inside), word(inside + 4) as usize);
-                parts.push((kind, &bytes[inside + 8..inside + 8 + length]));
-                inside += 8 + length.next_multiple_of(8);
+                let (kind, small) = (word(inside) & 0xffff, (word(inside) >> 16) as usize);
+                let (length, from) = match small {
+                    0 => (word(inside + 4) as usize, inside + 8),
+                    _ => (small, inside + 4),
+                };
+                parts.push((kind, &bytes[from..from + length]));
+                inside = (from + length).next_multiple_of(8);
             }
             assert_eq!(inside, end);
             let [(6, flags), (5, sizes), (1, name), (9, values)] = parts[..] else {
