@@ -13,6 +13,11 @@ Exit codes:
   130  interrupted; finished work is kept
 When several apply: 130, then 1, 3, 4.";
 
+/// What `--help` says after the options: how a command is used, and how it ends.
+pub fn help(examples: &str) -> String {
+    format!("Examples:\n{examples}\n\n{HELP}")
+}
+
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exit {

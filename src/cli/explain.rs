@@ -9,7 +9,9 @@ use crate::stages::plan::{Request, plan};
 use crate::store::Store;
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = super::exit::HELP)]
+#[command(after_help = super::exit::help("\
+  chladni explain mine.toml
+  chladni explain mine.toml a.obj --set train.learning_rate=5e-4"))]
 pub struct Arguments {
     #[command(flatten)]
     task: Task,

@@ -27,7 +27,9 @@ use crate::stages::verify::Verified;
 use crate::stages::{Failure, assemble, ingest, predict, publish, verify};
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = super::exit::HELP)]
+#[command(after_help = super::exit::help("\
+  chladni predict finer.obj --model spot --out predicted
+  chladni predict finer.obj --model spot.safetensors -k 4 --verify"))]
 pub struct Arguments {
     /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     mesh: PathBuf,

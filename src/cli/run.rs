@@ -32,7 +32,12 @@ const SWEEP: &str = "sweep.json";
 const SWEEP_TABLE: &str = "table.md";
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = super::exit::HELP)]
+#[command(after_help = super::exit::help("\
+  chladni run pipelines/spot.toml
+  chladni run mine.toml --out spectra --cache ~/chladni-cache --set train.k=16
+  chladni run mine.toml --dry-run
+  chladni run mine.toml --format json | jq '.meshes[] | select(.status != \"verified\") | .path, .reason'
+  chladni run pipelines/paper/table2.toml --quick --out out/table2"))]
 pub struct Arguments {
     #[command(flatten)]
     task: Task,

@@ -24,7 +24,9 @@ use crate::stages::verify::Verified;
 use crate::stages::{Failure, assemble, candidates, ingest, publish, verify};
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = super::exit::HELP)]
+#[command(after_help = super::exit::help("\
+  chladni solve scans/a.obj -k 50 --out spectra
+  chladni solve disc.ply -k 20 --boundary dirichlet --laplacian fem --format json"))]
 pub struct Arguments {
     /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     mesh: PathBuf,

@@ -21,7 +21,9 @@ use crate::stages::weight::half_of_the_memory;
 use crate::store::Store;
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = super::exit::HELP)]
+#[command(after_help = super::exit::help("\
+  chladni watch scans --pipeline mine.toml --out spectra
+  chladni watch scans --once --format json"))]
 pub struct Arguments {
     /// The folder that people work in; meshes in folders below it count too
     folder: PathBuf,
