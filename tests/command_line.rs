@@ -440,3 +440,37 @@ fn help_lists_the_exit_codes() {
     let help = text(&chladni(&["--help"]));
     assert!(help.contains("130  interrupted") && help.contains("4    some eigenpair"));
 }
+
+#[test]
+fn shells_and_manual_readers_get_what_they_need_from_the_command_line_itself() {
+    let bash = chladni(&["completions", "bash"]);
+    let script = String::from_utf8_lossy(&bash.stdout);
+    assert!(bash.status.success() && script.contains("_chladni()"), "{script}");
+    assert!(script.contains("--dry-run") && script.contains("generate"), "{script}");
+    let page = chladni(&["man"]);
+    assert!(String::from_utf8_lossy(&page.stdout).starts_with(".ie"), "{}", text(&page));
+    let dir = tempfile::tempdir().unwrap();
+    let written = chladni(&["man", "--out", dir.path().to_str().unwrap()]);
+    assert!(written.status.success(), "{}", text(&written));
+    for name in ["chladni", "chladni-run", "chladni-model-export", "chladni-cache-gc"] {
+        let page = std::fs::read_to_string(dir.path().join(format!("{name}.1"))).unwrap();
+        assert!(page.contains("SYNOPSIS"), "{name}: {page}");
+    }
+}
+
+#[test]
+fn log_lines_are_json_on_request() {
+    let workspace = Workspace::new(FEM);
+    let output = workspace
+        .run(&["--log", "json", "--format", "json"])
+        .env("RUST_LOG", "debug,sled=off")
+        .output()
+        .unwrap();
+    let lines = String::from_utf8(output.stderr).unwrap();
+    assert!(lines.lines().count() > 0, "{lines}");
+    for line in lines.lines() {
+        let line: serde_json::Value = serde_json::from_str(line).unwrap();
+        assert!(line["level"].is_string() && line["message"].is_string(), "{line}");
+    }
+    serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap();
+}
