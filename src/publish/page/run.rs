@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::frame::{badge, page};
 use crate::publish::report::{MeshReport, RunReport, Status};
-use crate::publish::table::{duration, six_digits, summary};
+use crate::publish::table::{ZERO, duration, six_digits, summary};
 
 /// The file of a page, in the folder of a mesh and in that of a run.
 pub const FILE: &str = "report.html";
@@ -61,6 +61,8 @@ pub fn run_page(report: &RunReport) -> String {
 }
 
 fn row(mesh: &MeshReport, most: usize) -> Markup {
+    let largest = mesh.eigenpairs.iter().fold(0.0_f64, |m, r| m.max(r.pair.lambda_area.abs()));
+    let shown = |x: f64| if x.abs() < ZERO * largest { "0".into() } else { six_digits(x) };
     html! {
         tr {
             td.text { a href={ (link(&mesh.path)) "/" (FILE) } { (mesh.path) } }
@@ -68,7 +70,7 @@ fn row(mesh: &MeshReport, most: usize) -> Markup {
             td { (mesh.vertices.map_or("–".into(), |n| n.to_string())) }
             td { (mesh.area.map_or("–".into(), six_digits)) }
             @for k in 0..most {
-                td { (mesh.eigenpairs.get(k).map_or("–".into(), |report| six_digits(report.pair.lambda_area))) }
+                td { (mesh.eigenpairs.get(k).map_or("–".into(), |report| shown(report.pair.lambda_area))) }
             }
             td { (duration(mesh.seconds)) }
         }
