@@ -456,7 +456,7 @@ fn seeds_and_their_mutations_are_meshes_or_errors() {
             let refused = name == "draco.gltf";
             assert_eq!(whole.is_err(), refused, "{whole:?}");
             seeds += 1;
-            let mut random = Random(name.bytes().fold(1, |n, b| n << 5 ^ n >> 59 ^ u64::from(b)));
+            let mut random = Random(name.bytes().fold(1, |n, b| n.rotate_left(5) ^ u64::from(b)));
             for _ in 0..400 {
                 read_damaged(&name, &mutated(&bytes, &mut random));
             }

@@ -84,7 +84,7 @@ fn flipped_faces(faces: &[[u32; 3]]) -> Option<usize> {
             return None;
         }
         let lowest = own.min(turned) / 2;
-        counts[lowest][own.min(turned) % 2 ^ usize::from(own > turned)] += 1;
+        counts[lowest][(own.min(turned) % 2) ^ usize::from(own > turned)] += 1;
     }
     Some(counts.into_iter().map(|[one, other]| one.min(other)).sum())
 }

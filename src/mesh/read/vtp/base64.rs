@@ -43,7 +43,7 @@ impl<'a> Base64<'a> {
             } else if padding > 0 {
                 return None;
             }
-            word = word << 6 | digit(character)?;
+            word = (word << 6) | digit(character)?;
             filled += 1;
         }
         let [_, bytes @ ..] = word.to_be_bytes();
