@@ -11,9 +11,9 @@ use chladni::publish::watched::Happened;
 use crate::common::{QUICK, Workspace};
 use crate::{FEM, Watched, ellipsoid, save};
 
-/// A pipeline that trains an eigenfunction for a second or two.
+/// A pipeline that trains an eigenfunction for some seconds.
 fn slow() -> String {
-    let slow = QUICK.replace("steps = 4", "steps = 2000\nlearning_rate = 1e-4");
+    let slow = QUICK.replace("steps = 4", "steps = 8000\nlearning_rate = 1e-4");
     slow.replace("[input]\npaths = [\"meshes\"]\n", "")
 }
 
