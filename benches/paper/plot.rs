@@ -9,8 +9,14 @@ use super::Outcome;
 use super::results::Experiment;
 
 /// A colour for each variant, distinct to the colour-blind (Okabe and Ito).
-const COLOURS: [RGBColor; 4] =
-    [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+const COLOURS: [RGBColor; 6] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(40, 40, 40),
+    RGBColor(230, 159, 0),
+];
 
 /// The name, the MSE by k and the relative error of λ by k.
 type Errors = (String, Vec<(f64, f64)>, Vec<(f64, f64)>);
