@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use chladni::publish::report::PairReport;
+use chladni::publish::result::Eigenpair;
 use chladni::publish::sweep::CaseReport;
 use plotters::prelude::*;
 
@@ -26,35 +28,33 @@ pub fn of(experiment: &Experiment, docs: &Path) -> Outcome<String> {
     let mut lines: Vec<Errors> = Vec::new();
     for case in &experiment.report.cases {
         if lines.iter().all(|(name, ..)| *name != case.variant) {
-            lines.push(errors(case));
+            lines.push(errors(&case.variant, case, own));
         }
     }
-    let fem = experiment.report.cases.first().map(fem_errors);
-    lines.extend(fem);
+    lines.extend(experiment.report.cases.first().map(|case| errors("FEM", case, fem)));
     let name = format!("{}.svg", experiment.name);
     draw(&docs.join("paper").join(&name), &lines)?;
     Ok(format!("![errors by k: dashed MSE, solid relative error of λ](paper/{name})\n"))
 }
 
-fn errors(case: &CaseReport) -> Errors {
+/// What `of` says of each pair: its MSE and its λ.
+fn errors(name: &str, case: &CaseReport, of: fn(&Eigenpair) -> Option<(f64, f64)>) -> Errors {
     let pairs = case.run.meshes.iter().flat_map(|mesh| &mesh.eigenpairs);
-    let of = pairs.filter_map(|report| {
-        let (k, formula) = (report.pair.k as f64, report.pair.closed_form.as_ref()?);
-        Some(((k, formula.own.mse), (k, (report.pair.lambda / formula.lambda - 1.0).abs())))
+    let of = pairs.filter_map(|PairReport { pair, .. }| {
+        let (k, exact) = (pair.k as f64, pair.closed_form.as_ref()?.lambda);
+        let (mse, lambda) = of(pair)?;
+        Some(((k, mse), (k, (lambda / exact - 1.0).abs())))
     });
     let (mse, lambda) = of.unzip();
-    (case.variant.clone(), mse, lambda)
+    (name.into(), mse, lambda)
 }
 
-fn fem_errors(case: &CaseReport) -> Errors {
-    let pairs = case.run.meshes.iter().flat_map(|mesh| &mesh.eigenpairs);
-    let of = pairs.filter_map(|report| {
-        let (k, formula) = (report.pair.k as f64, report.pair.closed_form.as_ref()?);
-        let lambda = (report.pair.lambda_fem / formula.lambda - 1.0).abs();
-        Some(((k, formula.fem?.mse), (k, lambda)))
-    });
-    let (mse, lambda) = of.unzip();
-    ("FEM".into(), mse, lambda)
+fn own(pair: &Eigenpair) -> Option<(f64, f64)> {
+    Some((pair.closed_form.as_ref()?.own.mse, pair.lambda))
+}
+
+fn fem(pair: &Eigenpair) -> Option<(f64, f64)> {
+    Some((pair.closed_form.as_ref()?.fem?.mse, pair.lambda_fem))
 }
 
 fn draw(file: &Path, lines: &[Errors]) -> Outcome<()> {

@@ -7,7 +7,7 @@ use super::model::given_by_name;
 use super::{CacheLocation, Refusal};
 use crate::ggnn::Model;
 use crate::pipeline::sweep::{Asked, Case, Comparison, Effort, Sweep};
-use crate::pipeline::{Count, Method, Pipeline, Train, is_model_file};
+use crate::pipeline::{Count, Generate, Input, Method, Pipeline, Train, is_model_file};
 use crate::stages::intake::{self, Job};
 use crate::stages::predict::GivenModel;
 use crate::store::Store;
@@ -58,6 +58,9 @@ pub enum Switch {
     Off,
 }
 
+/// Entries of `input.generate`, and the files that were made of them.
+type Made = (Vec<Generate>, Vec<PathBuf>);
+
 /// A pipeline with its meshes.
 #[derive(Debug)]
 pub struct Part {
@@ -83,7 +86,9 @@ impl Task {
         let asked = Asked { assignments: &self.laid.set, effort, variants: &self.variant };
         let sweep = Sweep::load(&self.pipeline, asked).map_err(Refusal::usage)?;
         let Sweep { comparison, cases } = sweep;
-        let parts = cases.into_iter().map(|case| self.part(case));
+        // Most variants have the same meshes.
+        let mut made = None;
+        let parts = cases.into_iter().map(|case| self.part(case, &mut made));
         Ok((comparison, parts.collect::<Result<_, _>>()?))
     }
 
@@ -92,13 +97,22 @@ impl Task {
         part.variant.is_empty() && self.laid.lineage == Switch::On
     }
 
-    fn part(&self, case: Case) -> Result<Part, Refusal> {
+    /// A case with its meshes; `made` are those that were generated last, and what for.
+    fn part(&self, case: Case, made: &mut Option<Made>) -> Result<Part, Refusal> {
         let out = self.out.join(case.folder());
         let Case { variant, seed, pipeline } = case;
         let inputs = if self.input.is_empty() {
-            let folder = self.out.join(GENERATED);
-            let made = intake::generate(&pipeline.input.generate, &folder);
-            pipeline.input.paths.iter().cloned().chain(made.map_err(Refusal::usage)?).collect()
+            let Input { paths, generate } = &pipeline.input;
+            let files = match made {
+                Some((of, files)) if of == generate => files.clone(),
+                _ => {
+                    let folder = self.out.join(GENERATED);
+                    let files = intake::generate(generate, &folder).map_err(Refusal::usage)?;
+                    *made = Some((generate.clone(), files.clone()));
+                    files
+                }
+            };
+            paths.iter().cloned().chain(files).collect()
         } else {
             self.input.clone()
         };

@@ -44,18 +44,16 @@ impl Member {
         boundary: Boundary,
         penalty: f64,
     ) -> Self {
-        let total = operators.total_mass();
-        let Operators { stiffness, mass, boundary: rim, .. } = operators;
-        let mass = mass.map(|b| b / total);
+        let Self { input, stiffness, mass } = Self::whole(input, operators, boundary);
         match boundary {
             Boundary::Neumann => Self { input, stiffness, mass },
             Boundary::Dirichlet => {
                 let mut fixed = vec![false; stiffness.rows()];
-                rim.iter().for_each(|&i| fixed[i as usize] = true);
+                input.fixed.iter().for_each(|&i| fixed[i as usize] = true);
                 Self {
-                    input: input.with_zeros_at(&rim),
                     stiffness: inner(&stiffness, &fixed, penalty),
                     mass: inner(&mass, &fixed, 0.0),
+                    input,
                 }
             }
         }

@@ -16,7 +16,7 @@ use crate::spectrum::mpgd::StoppedBy;
 const SHORT_HASH: usize = 12;
 
 /// An eigenvalue below this multiple of the largest one shown is zero to working precision.
-pub const ZERO: f64 = 1e-9;
+const ZERO: f64 = 1e-9;
 
 /// A column: its title, how it is aligned, and its text for a pair.
 struct Column {
@@ -35,7 +35,7 @@ struct Scale {
 
 impl Scale {
     fn lambda(&self, value: f64) -> String {
-        if self.is_zero(value) { "0".into() } else { six_digits(value) }
+        zero_or_digits(value, self.largest)
     }
 
     fn is_zero(&self, lambda: f64) -> bool {
@@ -266,6 +266,11 @@ fn counted_noun(count: usize, noun: &str) -> String {
 /// Seconds with two decimals.
 pub fn duration(seconds: f64) -> String {
     measured(seconds, |seconds| format!("{seconds:.2} s"))
+}
+
+/// An eigenvalue as it is shown where the largest beside it is `largest`: 0 where it is zero to working precision.
+pub fn zero_or_digits(lambda: f64, largest: f64) -> String {
+    if lambda.abs() < ZERO * largest { "0".into() } else { six_digits(lambda) }
 }
 
 /// Six significant digits, with an exponent where the number is far from 1.

@@ -38,9 +38,10 @@ pub fn findings(
     pieces: &[Piece],
     quality: Option<&TriangleQuality>,
 ) -> Vec<Finding> {
+    let defects = Defects::of(&ingested.mesh, Tally::SHOWN);
     let mut found = mended(ingested);
-    found.extend(branches(ingested));
-    found.extend(winding(ingested, pieces));
+    found.extend(branches(ingested, &defects));
+    found.extend(winding(ingested, &defects, pieces));
     found.push(thin(quality));
     found.retain(|finding| finding.count > 0);
     found
@@ -102,8 +103,7 @@ fn mended(Ingested { repairs, .. }: &Ingested) -> Vec<Finding> {
     ]
 }
 
-fn branches(Ingested { mesh, topology, .. }: &Ingested) -> [Finding; 2] {
-    let defects = Defects::of(mesh, Tally::SHOWN);
+fn branches(Ingested { mesh, topology, .. }: &Ingested, defects: &Defects) -> [Finding; 2] {
     let edges = Finding {
         what: "non-manifold edge",
         count: topology.non_manifold_edges,
@@ -128,8 +128,11 @@ fn located(mesh: &TriMesh, vertex: u32) -> String {
     format!("{vertex} at ({x:.4}, {y:.4}, {z:.4})")
 }
 
-fn winding(Ingested { mesh, topology, .. }: &Ingested, pieces: &[Piece]) -> Option<Finding> {
-    let defects = Defects::of(mesh, Tally::SHOWN);
+fn winding(
+    Ingested { topology, .. }: &Ingested,
+    defects: &Defects,
+    pieces: &[Piece],
+) -> Option<Finding> {
     let one_sided = pieces.iter().filter(|piece| !piece.orientable).count();
     let flipped: usize = pieces.iter().map(|piece| piece.flipped_faces).sum();
     let meaning = match (one_sided, flipped) {

@@ -13,7 +13,7 @@ use crate::mesh::TriMesh;
 use crate::publish::picture::{Up, View, draw};
 use crate::publish::report::RunRecord;
 use crate::publish::result::{Eigenpair, Source, Spectrum, Verdict};
-use crate::publish::table::{ZERO, completeness, duration, six_digits, two_digits};
+use crate::publish::table::{completeness, duration, six_digits, two_digits, zero_or_digits};
 use crate::spectrum::Eigenpairs;
 use crate::spectrum::pencil::column;
 
@@ -240,7 +240,7 @@ fn table(pairs: &[Eigenpair]) -> Markup {
     // Of a learned pair high frequencies dominate it.
     let residual = any(|p| p.residual) && (!angle || refined);
     let largest = pairs.iter().fold(0.0_f64, |m, pair| m.max(pair.lambda.abs()));
-    let value = |x: f64| if x.abs() < ZERO * largest { "0".into() } else { six_digits(x) };
+    let value = |x: f64| zero_or_digits(x, largest);
     html! {
         div.scroll {
             table {

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::frame::{badge, page};
 use crate::publish::report::{MeshReport, RunReport, Status};
-use crate::publish::table::{ZERO, duration, six_digits, summary};
+use crate::publish::table::{duration, six_digits, summary, zero_or_digits};
 
 /// The file of a page, in the folder of a mesh and in that of a run.
 pub const FILE: &str = "report.html";
@@ -62,7 +62,7 @@ pub fn run_page(report: &RunReport) -> String {
 
 fn row(mesh: &MeshReport, most: usize) -> Markup {
     let largest = mesh.eigenpairs.iter().fold(0.0_f64, |m, r| m.max(r.pair.lambda_area.abs()));
-    let shown = |x: f64| if x.abs() < ZERO * largest { "0".into() } else { six_digits(x) };
+    let shown = |x: f64| zero_or_digits(x, largest);
     html! {
         tr {
             td.text { a href={ (link(&mesh.path)) "/" (FILE) } { (mesh.path) } }
