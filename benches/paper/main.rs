@@ -7,10 +7,11 @@
 //! cargo bench --bench paper -- out/paper
 //! ```
 //! The text around them is `docs/paper/template.md`: `{{table fig3}}` becomes a table, `{{pictures fig3}}` one of pictures,
-//! `{{plot fig5}}` a plot, `{{speed}}` what is measured here and now. `--keep-speed` takes that from the page as it is. An experiment that
-//! was not run is said to be missing.
+//! `{{plot fig5}}` a plot, `{{speed}}` what is measured here and now, unless `--keep-speed` is given. What was not run stays as the
+//! page has it; rows of tables that were not run come from `docs/paper/results`. So one experiment, or one variant, can be run again alone.
 //!
 //! - `results`: what a sweep has left
+//! - `rows`: the rows of its table, and those of earlier runs
 //! - `pictures`: eigenfunctions in the paper's arrangement
 //! - `plot`: errors by k
 //! - `speed`: a prediction beside assembly and solver
@@ -18,6 +19,7 @@
 mod pictures;
 mod plot;
 mod results;
+mod rows;
 mod speed;
 #[path = "../untrained/mod.rs"]
 mod untrained;
@@ -46,21 +48,22 @@ fn main() -> Outcome<()> {
             text += part;
             continue;
         };
+        let experiment = |name| Experiment::read(&out, name);
         let filled = match order.split_once(' ') {
-            Some(("table", name)) => Experiment::read(&out, name).map(|e| e.table()),
-            Some(("pictures", name)) => {
-                Experiment::read(&out, name).and_then(|e| pictures::of(&e, &docs))
-            }
-            Some(("plot", name)) => Experiment::read(&out, name).and_then(|e| plot::of(&e, &docs)),
-            None if order == "speed" && keep_speed => kept(&before),
+            Some(("table", name)) => rows::table(experiment(name), &docs, name),
+            Some(("pictures", name)) => experiment(name).and_then(|e| pictures::of(&e, &docs)),
+            Some(("plot", name)) => experiment(name).and_then(|e| plot::of(&e, &docs)),
+            None if order == "speed" && keep_speed => Err("kept".into()),
             None if order == "speed" => Ok(speed::table()),
             _ => Err(format!("docs/paper/template.md: nothing is called {order:?}").into()),
         };
-        text += &filled.unwrap_or_else(|error| {
-            eprintln!("{order}: {error}");
-            format!("*Missing: {order} ({error}).*\n")
+        let begin = begin(order);
+        let filled = filled.or_else(|error| {
+            eprintln!("{order}: {error}; the page keeps what it has");
+            kept(&before, &begin).ok_or(error)
         });
-        text += rest;
+        let filled = filled.unwrap_or_else(|error| format!("*Missing: {order} ({error}).*\n"));
+        text += &format!("{begin}{filled}{END}{rest}");
     }
     std::fs::write(&page, text)?;
     println!("{}", page.display());
@@ -70,9 +73,16 @@ fn main() -> Outcome<()> {
 const GENERATED: &str =
     "<!-- Made by `cargo bench --bench paper` from docs/paper/template.md: edit that. -->\n\n";
 
-/// The table of times in the page as it is.
-fn kept(page: &str) -> Outcome<String> {
-    let start = page.find(speed::HEADER).ok_or("the page has no times yet")?;
-    let lines = page[start..].lines().take_while(|line| line.starts_with('|'));
-    Ok(lines.map(|line| format!("{line}\n")).collect())
+/// The line that a filled part begins with.
+fn begin(order: &str) -> String {
+    format!("<!-- {order} -->\n\n")
+}
+
+/// What a filled part ends with.
+const END: &str = "\n<!-- end -->";
+
+/// A part of the page as it is.
+fn kept(page: &str, begin: &str) -> Option<String> {
+    let (_, rest) = page.split_once(begin)?;
+    Some(rest.split_once(END)?.0.into())
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use chladni::mesh::TriMesh;
 use chladni::pipeline::sweep::folder_name;
-use chladni::publish::sweep::{HEADER, SweepReport};
+use chladni::publish::sweep::SweepReport;
 use chladni::spectrum::Dense;
 use npyz::npz::NpzArchive;
 
@@ -36,29 +36,6 @@ impl Experiment {
         let folder = out.join(name);
         let bytes = std::fs::read(folder.join("sweep.json")).map_err(|_| "it was not run")?;
         Ok(Self { name: name.into(), report: serde_json::from_slice(&bytes)?, folder })
-    }
-
-    /// Its table in Markdown, without columns that are empty.
-    pub fn table(&self) -> String {
-        let rows: Vec<_> = self.report.table.iter().map(|row| row.cells()).collect();
-        let shown: Vec<usize> =
-            (0..HEADER.len()).filter(|&i| rows.iter().any(|row| row[i] != "–")).collect();
-        let line = |cells: &[String]| {
-            let cells: Vec<&str> = shown.iter().map(|&i| cells[i].as_str()).collect();
-            format!("| {} |\n", cells.join(" | "))
-        };
-        let mut text =
-            line(&HEADER.map(String::from)) + &format!("|{}\n", "---|".repeat(shown.len()));
-        let mut last = String::new();
-        for mut row in rows {
-            let variant = row[0].clone();
-            if variant == last {
-                row[0] = String::new();
-            }
-            last = variant;
-            text += &line(&row);
-        }
-        text
     }
 
     /// What a variant has found for a mesh, by the first of its seeds.
