@@ -7,7 +7,7 @@ use std::path::Path;
 use chladni::flow::events::How;
 use chladni::pipeline::sweep::{Asked, Effort, Sweep};
 use chladni::publish::plan::SweepPlan;
-use chladni::publish::sweep::SweepReport;
+use chladni::publish::sweep::{Row, SweepReport};
 use common::{QUICK, Workspace, chladni, events, text};
 
 fn two() -> String {
@@ -85,6 +85,10 @@ fn what_a_sweep_would_do_is_said_variant_by_variant() {
         })
         .collect();
     assert_eq!(open, [("narrow", 3, 0), ("by the paper", 3, 1)]);
+    // The status of a sweep is that of its last run.
+    let folder = workspace.path("out");
+    let status = text(&chladni(&["status", "--out", folder.to_str().unwrap()]));
+    assert!(status.starts_with("narrow/seed-3: finished"), "{status}");
     let human = text(&workspace.run(&["--quick", "--dry-run"]).output().unwrap());
     assert!(human.contains("by the paper, seed 3"), "{human}");
 }
@@ -166,5 +170,29 @@ fn the_papers_experiments_run() {
             let has_value = row.median.is_some() || row.column.contains("M-PGD");
             assert_eq!(has_value, expected, "{name}: {row:?}");
         }
+    }
+}
+
+/// Why lumped masses are the default (docs/concepts/operators.md): their λ are closer, although consistent ones have the closer
+/// eigenfunctions on irregular triangles.
+#[test]
+fn each_kind_of_masses_is_better_at_something() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).display().to_string();
+    for (surface, farther) in [("square", 2.0), ("sphere", 1.0)] {
+        let file = format!("pipelines/masses/{surface}.toml");
+        let (out, cache) = (path(surface), path("cache"));
+        let output = chladni(&["run", &file, "--out", &out, "--cache", &cache]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        let report = std::fs::read(dir.path().join(surface).join("sweep.json")).unwrap();
+        let report: SweepReport = serde_json::from_slice(&report).unwrap();
+        let of = |variant: &str, what: &str| -> Vec<f64> {
+            let wanted = |row: &&Row| row.variant == variant && row.column.ends_with(what);
+            report.table.iter().filter(wanted).map(|row| row.median.unwrap()).collect()
+        };
+        let errors = of("lumped", "error of λ").into_iter().zip(of("consistent", "error of λ"));
+        assert!(errors.clone().count() == 3 && errors.clone().all(|(l, c)| 1.2 * l < c));
+        let coarse = |variant| of(variant, "MSE")[0];
+        assert!(coarse("lumped") > farther * coarse("consistent"), "{surface}");
     }
 }
