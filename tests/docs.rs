@@ -44,7 +44,7 @@ fn every_pipeline_that_is_shipped_loads() {
 fn every_list_of_formats_is_whole() {
     let lists = [
         ("docs/pipeline.md", Format::listed(Format::extension)),
-        ("src/cli/info.rs", Format::listed(Format::name)),
+        ("src/cli/single.rs", Format::listed(Format::name)),
         ("README.md", Format::listed(Format::name)),
     ];
     for (file, list) in lists {

@@ -6,12 +6,11 @@
 mod findings;
 mod text;
 
-use std::path::PathBuf;
-
 use serde::Serialize;
 
 use self::findings::{Finding, findings};
 use super::exit::Exit;
+use super::single::OneMesh;
 use super::{Format, Refusal, print, print_json};
 use crate::mesh::shape::Shape;
 use crate::mesh::topology::{Piece, pieces};
@@ -21,8 +20,8 @@ use crate::publish::result::TriangleQuality;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
-    mesh: PathBuf,
+    #[command(flatten)]
+    mesh: OneMesh,
     /// How the result is shown
     #[arg(long, value_enum, default_value = "human")]
     format: Format,
@@ -34,6 +33,8 @@ struct Info<'a> {
     schema: &'static str,
     path: String,
     format: mesh::Format,
+    /// What it is made of, by name, where it is all of a file.
+    objects: Vec<String>,
     hash: String,
     vertices: usize,
     edges: usize,
@@ -57,14 +58,14 @@ struct Info<'a> {
 }
 
 pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
-    let ingested = match mesh::load(&arguments.mesh) {
-        Ok(ingested) => ingested,
+    let (ingested, objects) = match arguments.mesh.read() {
+        Ok(read) => read,
         Err(error) => {
             eprintln!("error: {error}");
             return Ok(Exit::MeshFailed);
         }
     };
-    let info = describe(arguments.mesh.display().to_string(), &ingested);
+    let info = describe(arguments.mesh.title(), objects, &ingested);
     match arguments.format {
         Format::Json => print_json(&info)?,
         Format::Human => print(&text::page(&info))?,
@@ -72,7 +73,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     Ok(Exit::Success)
 }
 
-fn describe(path: String, ingested: &Ingested) -> Info<'_> {
+fn describe(path: String, objects: Vec<String>, ingested: &Ingested) -> Info<'_> {
     let (mesh, topology) = (&ingested.mesh, &ingested.topology);
     let bound = |pick: fn(f64, f64) -> f64| {
         mesh.vertices().iter().copied().reduce(|a, b| std::array::from_fn(|c| pick(a[c], b[c])))
@@ -86,6 +87,7 @@ fn describe(path: String, ingested: &Ingested) -> Info<'_> {
         schema: "chladni-info-1",
         path,
         format: ingested.format,
+        objects,
         hash: mesh.hash().to_string(),
         vertices: topology.vertices,
         edges: topology.edges,

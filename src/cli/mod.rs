@@ -3,6 +3,7 @@
 //! - [`exit`]: the exit codes, which are part of the contract
 //! - [`logging`]: what goes to stderr
 //! - [`task`]: what `run` and `explain` are asked to do
+//! - `single`: what `solve` and `predict` are given
 //! - [`signals`]: SIGINT and SIGTERM
 //! - `run`, `watch`, `explain`, `status`, `solve`, `predict`, `model`, `generate`, `info`, `cache`: the
 //!   commands
@@ -21,6 +22,7 @@ mod predict;
 mod run;
 mod shell;
 mod signals;
+mod single;
 mod solve;
 mod status;
 mod task;

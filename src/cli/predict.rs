@@ -1,7 +1,7 @@
 //! `chladni predict MESH --model MODEL`: eigenpairs by forward passes of a trained model, refined and certified on request.
 
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::exit::Exit;
 use super::model::given;
+use super::single::{OneMesh, Written};
 use super::{CacheLocation, Format, Refusal, print, print_json};
 use crate::mesh::MeshHash;
 use crate::pipeline::{Method, Pipeline, Refine};
@@ -31,8 +32,8 @@ use crate::stages::{Failure, assemble, ingest, predict, publish, verify};
   chladni predict finer.obj --model spot --out predicted
   chladni predict finer.obj --model spot.safetensors -k 4 --verify"))]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
-    mesh: PathBuf,
+    #[command(flatten)]
+    mesh: OneMesh,
     /// A file that `chladni model export` wrote, or a name of `chladni model list` or enough of its beginning
     #[arg(long)]
     model: String,
@@ -45,9 +46,8 @@ pub struct Arguments {
     /// Certify the pairs: assembles L and B, and runs both reference solvers
     #[arg(long)]
     verify: bool,
-    /// Write the eigenpairs too, to DIR/<name of the mesh>
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    written: Written,
     #[command(flatten)]
     cache: CacheLocation,
     /// How the result is shown
@@ -116,9 +116,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let given = given(&arguments.model, &arguments.cache)?;
     let context = context(arguments, given.clone());
     given.model.check_count(k_of(arguments, &given)).map_err(Refusal::usage)?;
-    let name = arguments.mesh.file_name().unwrap_or(arguments.mesh.as_os_str());
-    let job = Job { source: arguments.mesh.clone(), name: name.to_string_lossy().into_owned() };
-    let outcome = match predict(&context, job, arguments.verify) {
+    let outcome = match predict(&context, arguments.mesh.job(), arguments.verify) {
         Ok(outcome) => outcome,
         Err(failure) => {
             if asks_too_much(&failure) {
@@ -129,9 +127,9 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
         }
     };
     let Outcome { pairs, warnings, refinement } = outcome;
-    let (spectrum, report) = published(&context, pairs, arguments.out.is_some());
+    let (spectrum, report) = published(&context, pairs, arguments.written.folder().is_some());
     let mut report = report.map_err(Refusal::usage)?;
-    let path = arguments.mesh.display().to_string();
+    let path = arguments.mesh.title();
     report.path.clone_from(&path);
     report.seconds = started.elapsed().as_secs_f64();
     match arguments.format {
@@ -165,7 +163,9 @@ fn context(arguments: &Arguments, given: Arc<GivenModel>) -> Context {
         Refining::Full => Refine::Full,
     };
     pipeline.operators = description.operators;
-    Context::alone(pipeline, Some(given), arguments.out.clone().unwrap_or_default())
+    pipeline.publish = arguments.written.options();
+    let out = arguments.written.folder().unwrap_or(Path::new("")).to_owned();
+    Context::alone(pipeline, Some(given), out)
 }
 
 /// What came of a mesh.

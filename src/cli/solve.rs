@@ -1,7 +1,7 @@
 //! `chladni solve MESH -k K`: the spectrum of one mesh by a solver, with its certificate.
 
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::Instant;
 
 use clap::ValueEnum;
@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::exit::Exit;
 use super::paint::painted;
+use super::single::{OneMesh, Written};
 use super::{Format, Refusal, print, print_json};
 use crate::operators::{Boundary, Laplacian, MassKind, OperatorOptions, Robust};
 use crate::pipeline::{Method, Pipeline};
@@ -26,10 +27,11 @@ use crate::stages::{Failure, assemble, candidates, ingest, publish, verify};
 #[derive(Debug, clap::Args)]
 #[command(after_help = super::exit::help("\
   chladni solve scans/a.obj -k 50 --out spectra
+  chladni solve scene.glb --object wheel --out spectra --formats vtu,csv --descriptors hks
   chladni solve disc.ply -k 20 --boundary dirichlet --laplacian fem --format json"))]
 pub struct Arguments {
-    /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
-    mesh: PathBuf,
+    #[command(flatten)]
+    mesh: OneMesh,
     /// How many eigenpairs
     #[arg(short, value_name = "K", default_value = "10")]
     k: NonZeroUsize,
@@ -57,9 +59,8 @@ pub struct Arguments {
         hide_default_value = true
     )]
     robust: RobustName,
-    /// Write the eigenpairs too, to DIR/<name of the mesh>
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    written: Written,
     /// How the result is shown
     #[arg(long, value_enum, default_value = "human")]
     format: Format,
@@ -137,9 +138,7 @@ struct Checks<'a> {
 pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let started = Instant::now();
     let context = context(arguments)?;
-    let name = arguments.mesh.file_name().unwrap_or(arguments.mesh.as_os_str());
-    let job = Job { source: arguments.mesh.clone(), name: name.to_string_lossy().into_owned() };
-    let verified = match solve(&context, job) {
+    let verified = match solve(&context, arguments.mesh.job()) {
         Ok(verified) => verified,
         Err(failure) => {
             if asks_too_much(&failure) {
@@ -150,8 +149,8 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
         }
     };
     let spectrum = publish::spectrum(&context, &verified);
-    let path = arguments.mesh.display().to_string();
-    let mut report = if arguments.out.is_some() {
+    let path = arguments.mesh.title();
+    let mut report = if arguments.written.folder().is_some() {
         publish::publish(&context, 0, verified).map_err(Refusal::usage)?
     } else {
         publish::unwritten(&spectrum, verified)
@@ -198,8 +197,10 @@ fn context(arguments: &Arguments) -> Result<Context, Refusal> {
             BoundaryName::Dirichlet => Boundary::Dirichlet,
         },
     };
+    pipeline.publish = arguments.written.options();
     pipeline.check().map_err(Refusal::usage)?;
-    Ok(Context::alone(pipeline, None, arguments.out.clone().unwrap_or_default()))
+    let out = arguments.written.folder().unwrap_or(Path::new("")).to_owned();
+    Ok(Context::alone(pipeline, None, out))
 }
 
 fn solve(context: &Context, job: Job) -> Result<Verified, Failure> {

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use super::exit::Exit;
 use super::{Format, Refusal, print, print_json};
-use crate::publish::status::{RunState, RunStatus, duration, read};
+use crate::publish::status::{RunState, RunStatus, duration, read, read_sweep};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The output folder of the run
+    /// The output folder of the run; of a sweep, the variant that was under way last is shown
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
     /// How the result is shown
@@ -19,16 +19,23 @@ pub struct Arguments {
 
 pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let out = arguments.out.display();
-    let status = read(&arguments.out)
-        .map_err(|error| Refusal::usage(format!("{out}: the status cannot be read: {error}")))?
-        .ok_or_else(|| {
-            Refusal::usage(format!(
-                "{out}: no run has written there yet; give the folder that its --out names"
-            ))
-        })?;
-    match arguments.format {
-        Format::Json => print_json(&status)?,
-        Format::Human => print(&text(&status))?,
+    let unreadable = |error| Refusal::usage(format!("{out}: the status cannot be read: {error}"));
+    let own = read(&arguments.out).map_err(unreadable)?;
+    let (part, status) = match own {
+        Some(status) => (None, status),
+        None => match read_sweep(&arguments.out).map_err(unreadable)? {
+            Some((part, status)) => (Some(part), status),
+            None => {
+                return Err(Refusal::usage(format!(
+                    "{out}: no run has written there yet; give the folder that its --out names"
+                )));
+            }
+        },
+    };
+    match (arguments.format, part) {
+        (Format::Json, _) => print_json(&status)?,
+        (Format::Human, None) => print(&text(&status))?,
+        (Format::Human, Some(part)) => print(&format!("{}: {}", part.display(), text(&status)))?,
     }
     Ok(Exit::Success)
 }

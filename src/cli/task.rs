@@ -117,6 +117,7 @@ impl Task {
             self.input.clone()
         };
         let jobs = intake::jobs(&inputs).map_err(Refusal::usage)?;
+        let jobs = intake::into_objects(jobs, pipeline.ingest.objects);
         Ok(Part { variant, seed, pipeline, jobs, out })
     }
 }

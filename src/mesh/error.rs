@@ -172,6 +172,9 @@ pub enum Fault {
     )]
     NoSurface { vertices: usize, triangles: usize },
 
+    /// The file has no object of that name.
+    #[error("there is no object {name} with triangles in the file; {}", known(.objects))]
+    NoObject { name: String, objects: Vec<String> },
     /// The mesh has edges of three and more triangles or pinched vertices, and is to have none.
     #[error(
         "{edges} non-manifold edge{} and {vertices} non-manifold {}, which ingest.non_manifold = \"refuse\" turns away; \
@@ -214,6 +217,13 @@ pub enum Fault {
         "the scene repeats its meshes too often: more than {limit} vertices and triangles from {bytes} bytes; export the one mesh that is meant"
     )]
     TooManyInstances { limit: usize, bytes: usize },
+}
+
+fn known(objects: &[String]) -> String {
+    match objects {
+        [] => "it is one object without a name".into(),
+        some => format!("it has {}", some.join(", ")),
+    }
 }
 
 fn unfinished(entries: &str, promised: Option<usize>) -> String {

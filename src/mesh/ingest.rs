@@ -6,14 +6,12 @@
 //! # Ok::<(), chladni::mesh::MeshError>(())
 //! ```
 
-use std::io;
 use std::path::Path;
 
-use super::error::{Failure, Fault, MeshError};
-use super::raw::RawMesh;
+use super::error::MeshError;
+use super::objects::Opened;
 use super::read::format::Format;
-use super::read::{gltf, obj, off, ply, stl, vtk, vtp};
-use super::repair::{Repaired, Repairs, repair};
+use super::repair::Repairs;
 use super::topology::Topology;
 use super::trimesh::TriMesh;
 
@@ -35,20 +33,12 @@ pub struct Ingested {
     pub format: Format,
 }
 
-/// Reads the file at `path`.
+/// Reads the file at `path`, all of it as one mesh. [`Opened`] tells its objects apart.
 ///
 /// # Errors
-/// When the file cannot be read, is no mesh, or has nothing that repair can keep: see [`Fault`].
+/// When the file cannot be read, is no mesh, or has nothing that repair can keep: see [`Fault`](super::Fault).
 pub fn load(path: &Path) -> Result<Ingested, MeshError> {
-    // A pipe or a device would be read for ever.
-    let regular = || match path.metadata() {
-        Ok(metadata) if !metadata.is_file() => Err(io::Error::other("it is not a regular file")),
-        _ => Ok(()),
-    };
-    let bytes = regular()
-        .and_then(|()| std::fs::read(path))
-        .map_err(|error| Failure::from(Fault::Unreadable(error)).in_file(path))?;
-    load_bytes(path, &bytes)
+    Opened::read(path)?.whole()
 }
 
 /// Reads a file whose content is already here. `path` names it in messages, gives its extension, and says
@@ -57,28 +47,5 @@ pub fn load(path: &Path) -> Result<Ingested, MeshError> {
 /// # Errors
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Ingested, MeshError> {
-    ingest(path, bytes).map_err(|failure| failure.in_file(path))
-}
-
-fn ingest(path: &Path, bytes: &[u8]) -> Result<Ingested, Failure> {
-    let format = Format::of(bytes, path.extension().and_then(|e| e.to_str()))?;
-    let raw: RawMesh = match format {
-        Format::Obj => obj::read(bytes)?,
-        Format::Off => off::read(bytes)?,
-        Format::Ply => ply::read(bytes)?,
-        Format::Stl => stl::read(bytes)?,
-        Format::Vtk => vtk::read(bytes)?,
-        Format::Vtp => vtp::read(bytes)?,
-        Format::Gltf | Format::Glb => gltf::read(bytes, path)?,
-    };
-    let Repaired { mesh, vertex_map, repairs } = repair(&raw)?;
-    tracing::debug!(
-        path = %path.display(),
-        vertices = mesh.n(),
-        faces = mesh.faces().len(),
-        mended = !repairs.is_empty(),
-        "mesh read"
-    );
-    let topology = Topology::of(&mesh);
-    Ok(Ingested { mesh, vertex_map, repairs, topology, format })
+    Opened::of_bytes(path, bytes)?.whole()
 }

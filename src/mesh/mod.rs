@@ -7,7 +7,8 @@
 //! - [`closest`]: the point of a surface closest to a point of space
 //! - [`geodesic`]: distances along the surface
 //! - [`subdivide`]: every triangle becomes four
-//! - [`ingest`]: from a file to all of these, through `read` (one file a format), `raw` and [`repair`]
+//! - [`ingest`]: from a file to all of these
+//! - [`objects`]: the way there, through `read` (one file a format), `raw` and [`repair`], of all of a file or of one of its objects
 //! - [`policy`]: which meshes are turned away
 //! - [`error`]: why a file did not become a mesh
 //! - [`sample`]: surfaces with known spectra
@@ -17,6 +18,7 @@ pub mod error;
 pub mod geodesic;
 pub mod hash;
 pub mod ingest;
+pub mod objects;
 pub mod policy;
 mod raw;
 mod read;
@@ -30,6 +32,7 @@ pub mod trimesh;
 pub use error::{Fault, MeshError, Place};
 pub use hash::MeshHash;
 pub use ingest::{Ingested, load, load_bytes};
+pub use objects::Opened;
 pub use policy::IngestOptions;
 pub use read::format::Format;
 pub use read::gltf::companions;

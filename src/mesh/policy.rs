@@ -1,4 +1,4 @@
-//! What becomes of meshes that are read but are not clean: the options of `[ingest]`.
+//! What becomes of a file's objects, and of meshes that are read but are not clean: the options of `[ingest]`.
 //!
 //! Repairs are always the same and always recorded. The options say which meshes are turned away in place of being
 //! taken with their repairs or defects.
@@ -12,10 +12,23 @@ use super::{Ingested, MeshError, Place};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct IngestOptions {
+    /// The objects of a file.
+    pub objects: Objects,
     /// Edges of three and more triangles, and vertices where a surface is pinched.
     pub non_manifold: NonManifold,
     /// Triangles that name a vertex twice, have no area, or repeat an earlier one.
     pub degenerate_faces: DegenerateFaces,
+}
+
+/// `ingest.objects`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Objects {
+    /// All of a file is one mesh.
+    #[default]
+    Merge,
+    /// Each of several is a mesh.
+    Split,
 }
 
 /// `ingest.non_manifold`
@@ -89,6 +102,7 @@ mod tests {
         let strict = IngestOptions {
             non_manifold: NonManifold::Refuse,
             degenerate_faces: DegenerateFaces::Refuse,
+            ..IngestOptions::default()
         };
         let message = refusal(FIN, strict).unwrap();
         assert!(

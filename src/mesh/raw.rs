@@ -1,5 +1,7 @@
 //! What a reader hands to repair: positions and triangles as the file has them, and where each came from.
 
+use std::ops::Range;
+
 use super::error::{Fault, Place};
 
 /// A triangle soup with indices, checked in nothing but their range.
@@ -17,6 +19,19 @@ pub struct RawMesh {
     pub left_out: Vec<Place>,
     position_places: Places,
     triangle_places: Places,
+    /// The names of the objects that the file is made of.
+    objects: Vec<Option<String>>,
+    /// Which object goes on from where, in the order of the file.
+    segments: Vec<Segment>,
+}
+
+/// Triangles, polygons and what was left out belong to `object` from these on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Segment {
+    object: usize,
+    triangles: usize,
+    polygons: usize,
+    left_out: usize,
 }
 
 /// What makes two corners one vertex.
@@ -39,7 +54,92 @@ impl RawMesh {
             left_out: Vec::new(),
             position_places: Places::default(),
             triangle_places: Places::default(),
+            objects: Vec::new(),
+            segments: Vec::new(),
         }
+    }
+
+    /// Another object begins, under the name that the file gives it; its number.
+    pub fn begin_object(&mut self, name: Option<String>) -> usize {
+        // What came before the first one has no name.
+        if self.objects.is_empty() && !self.triangles.is_empty() {
+            self.objects.push(None);
+            self.segments.push(Segment { object: 0, triangles: 0, polygons: 0, left_out: 0 });
+        }
+        self.objects.push(name);
+        self.go_on_with(self.objects.len() - 1);
+        self.objects.len() - 1
+    }
+
+    /// What follows belongs to an object that began before.
+    pub fn go_on_with(&mut self, object: usize) {
+        let segment = Segment {
+            object,
+            triangles: self.triangles.len(),
+            polygons: self.polygons.len(),
+            left_out: self.left_out.len(),
+        };
+        // One that nothing came of is forgotten.
+        match self.segments.last_mut() {
+            Some(last) if (Segment { object, ..*last }) == segment => *last = segment,
+            _ => self.segments.push(segment),
+        }
+    }
+
+    /// The objects that have triangles, by number, with their names. None where the file does not tell of objects.
+    pub fn objects(&self) -> Vec<(usize, Option<&str>)> {
+        let mut has_triangles = vec![false; self.objects.len()];
+        for (segment, end) in self.segments_with(|s| s.triangles, self.triangles.len()) {
+            has_triangles[segment.object] |= segment.triangles < end;
+        }
+        let named = self.objects.iter().map(Option::as_deref).enumerate();
+        named.filter(|&(object, _)| has_triangles[object]).collect()
+    }
+
+    /// One object alone, and for each of its positions the index in the file.
+    pub fn only(&self, object: usize) -> Result<(Self, Vec<u32>), Fault> {
+        let mut part = Self::new(self.same_vertex);
+        let triangles = self.ranges(object, |s| s.triangles, self.triangles.len());
+        let mut is_used = vec![false; self.positions.len()];
+        let own = triangles.clone().flat_map(|range| &self.triangles[range]);
+        own.flatten().for_each(|&vertex| is_used[vertex as usize] = true);
+        let (mut of_file, mut index_in_part) = (Vec::new(), vec![0; self.positions.len()]);
+        for (index, &position) in self.positions.iter().enumerate().filter(|&(i, _)| is_used[i]) {
+            let place = self.position_place(index).unwrap_or(Place::Entry(number(index)?));
+            index_in_part[index] = part.position(position, place)?;
+            of_file.push(number(index)?);
+        }
+        for index in triangles.flatten() {
+            let place = self.triangle_place(index).unwrap_or(Place::Entry(number(index)?));
+            part.triangle(self.triangles[index].map(|v| index_in_part[v as usize]), place)?;
+        }
+        let polygons = self.ranges(object, |s| s.polygons, self.polygons.len());
+        part.polygons = polygons.flat_map(|range| &self.polygons[range]).copied().collect();
+        let left_out = self.ranges(object, |s| s.left_out, self.left_out.len());
+        part.left_out = left_out.flat_map(|range| &self.left_out[range]).copied().collect();
+        Ok((part, of_file))
+    }
+
+    /// Each segment with where the next one begins in a list of length `end`.
+    fn segments_with(
+        &self,
+        start: impl Fn(&Segment) -> usize + Clone,
+        end: usize,
+    ) -> impl Iterator<Item = (&Segment, usize)> + Clone {
+        let starts = self.segments.iter().skip(1).map(start);
+        self.segments.iter().zip(starts.chain(std::iter::once(end)))
+    }
+
+    /// Which entries of a list of length `end` belong to an object.
+    fn ranges(
+        &self,
+        object: usize,
+        start: impl Fn(&Segment) -> usize + Clone,
+        end: usize,
+    ) -> impl Iterator<Item = Range<usize>> + Clone {
+        let own = self.segments_with(start.clone(), end);
+        own.filter(move |(segment, _)| segment.object == object)
+            .map(move |(segment, end)| start(segment)..end)
     }
 
     /// Appends a position; its index.
@@ -149,6 +249,30 @@ mod tests {
         all.iter().for_each(|&place| places.push(place));
         assert_eq!((0..7).filter_map(|i| places.get(i)).collect::<Vec<_>>(), all);
         assert_eq!((places.runs.len(), places.get(7)), (4, None));
+    }
+
+    #[test]
+    fn an_object_may_go_on_later_and_takes_its_own_positions_along() {
+        let mut raw = RawMesh::new(SameVertex::Index);
+        for index in 0..7 {
+            raw.position([f64::from(index), 0.0, 0.0], Place::Line(index + 1)).unwrap();
+        }
+        raw.triangle([0, 1, 2], Place::Line(10)).unwrap();
+        let wheel = raw.begin_object(Some("wheel".into()));
+        raw.face(&[2, 3, 4, 5], Place::Line(11)).unwrap();
+        raw.begin_object(Some("empty".into()));
+        raw.left_out.push(Place::Line(12));
+        raw.go_on_with(wheel);
+        raw.triangle([5, 3, 1], Place::Line(13)).unwrap();
+        assert_eq!(raw.objects(), [(0, None), (1, Some("wheel"))]);
+        let (part, of_file) = raw.only(wheel).unwrap();
+        assert_eq!(of_file, [1, 2, 3, 4, 5]);
+        assert_eq!(part.triangles, [[1, 2, 3], [1, 3, 4], [4, 2, 0]]);
+        assert_eq!((part.positions[4][0], part.position_place(4)), (5.0, Some(Place::Line(6))));
+        assert_eq!(part.triangle_place(2), Some(Place::Line(13)));
+        assert_eq!((part.polygons.len(), part.left_out.len()), (1, 0));
+        let (first, _) = raw.only(0).unwrap();
+        assert_eq!((first.triangles.len(), first.polygons.len()), (1, 0));
     }
 
     #[test]

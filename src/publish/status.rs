@@ -60,10 +60,15 @@ pub struct RunStatus {
 }
 
 impl RunStatus {
+    /// How many meshes are done.
+    pub fn done(&self) -> usize {
+        self.verified + self.unverified + self.failed
+    }
+
     /// How many meshes are done, and how they ended.
     pub fn summary(&self) -> String {
         let Self { meshes, verified, unverified, failed, .. } = self;
-        let done = verified + unverified + failed;
+        let done = self.done();
         format!(
             "{done} of {meshes} meshes done: {verified} verified, {unverified} not verified, {failed} failed"
         )
@@ -169,6 +174,39 @@ pub fn read(out: &Path) -> io::Result<Option<RunStatus>> {
         }
     }
     Ok(Some(status))
+}
+
+/// Of a sweep, whose variants and seeds have folders below `out`: the folder of the one that was under way last, and its status.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_sweep(out: &Path) -> io::Result<Option<(PathBuf, RunStatus)>> {
+    let mut latest: Option<(PathBuf, RunStatus)> = None;
+    for variant in folders(out)? {
+        for seed in folders(&variant)? {
+            let Some(status) = read(&seed)? else { continue };
+            let is_later = |(_, last): &(PathBuf, RunStatus)| {
+                (status.state == RunState::Running, status.updated)
+                    >= (last.state == RunState::Running, last.updated)
+            };
+            if latest.as_ref().is_none_or(is_later) {
+                latest = Some((seed.strip_prefix(out).unwrap_or(&seed).to_owned(), status));
+            }
+        }
+    }
+    Ok(latest)
+}
+
+/// Those in a folder, by name.
+fn folders(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let entries = match std::fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries?,
+    };
+    let paths = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
+    let mut folders: Vec<PathBuf> = paths.into_iter().filter(|path| path.is_dir()).collect();
+    folders.sort();
+    Ok(folders)
 }
 
 fn is_held(out: &Path) -> io::Result<bool> {

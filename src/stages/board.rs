@@ -218,6 +218,9 @@ pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
     }
 }
 
+/// The bar of a run: how many of the meshes are done, how fast it goes, and how long it will.
+const BAR: &str = "{bar:20} {wide_msg}";
+
 /// How far the run is, in one line on the terminal, above the bars of what is under way.
 struct StatusLine {
     span: Span,
@@ -226,7 +229,7 @@ struct StatusLine {
 impl StatusLine {
     fn show() -> Self {
         let span = tracing::info_span!("meshes", indicatif.pb_show = Empty);
-        if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
+        if let Ok(style) = ProgressStyle::with_template(BAR) {
             span.pb_set_style(&style);
         }
         span.pb_start();
@@ -234,6 +237,8 @@ impl StatusLine {
     }
 
     fn says(&self, status: &RunStatus) {
+        self.span.pb_set_length(status.meshes as u64);
+        self.span.pb_set_position(status.done() as u64);
         self.span.pb_set_message(&status.line());
     }
 }

@@ -9,6 +9,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::Failure;
 use super::board::Board;
+use super::opened::LastOpened;
 use super::predict::GivenModel;
 use super::work::Keyed;
 use crate::flow::events::{Event, EventSink, How, Unheard};
@@ -44,6 +45,8 @@ pub struct Context {
     pub planned: Option<Planned>,
     /// One lock for every key that is being computed.
     pub flights: Flights,
+    /// The file whose objects are meshes of their own.
+    pub opened: LastOpened,
 }
 
 /// The work on every mesh that is under way, in its order.
@@ -184,6 +187,7 @@ impl Context {
             ledger: Ledger::default(),
             planned: None,
             flights: Flights::default(),
+            opened: LastOpened::default(),
         }
     }
 

@@ -45,7 +45,10 @@ impl Loaded {
 /// Why the file is no mesh; that the pipeline turns it away; or that it has too few vertices for K pairs.
 pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
     let started = Instant::now();
-    let ingested = mesh::load(&job.source)?;
+    let ingested = match &job.object {
+        None => mesh::load(&job.source)?,
+        Some(object) => context.opened.open(&job.source)?.object(object)?,
+    };
     context.pipeline.ingest.check(&ingested, &job.source)?;
     let n = ingested.mesh.n();
     let k = context.pipeline.train.k.of(n);

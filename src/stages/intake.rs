@@ -1,9 +1,11 @@
 //! Which meshes there are: files, folders searched for them, and lists and patterns of either.
 //!
 //! - `list`: text files with a mesh a line
+//! - `objects`: a file's objects as meshes of their own
 //! - `pattern`: names with wildcards
 
 mod list;
+mod objects;
 mod pattern;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use ignore::WalkBuilder;
 
+pub use self::objects::{apart, into_objects};
 use self::pattern::Pattern;
 use crate::mesh::Format;
 use crate::mesh::sample::{SampleError, Set};
@@ -33,6 +36,26 @@ pub struct Job {
     /// Its path relative to the input it was found under, with `/` between the parts: its name in reports, and
     /// the folder of its results.
     pub name: String,
+    /// The object of the file that it is, where that has several and they are meshes of their own: the name ends with it.
+    pub object: Option<String>,
+}
+
+impl Job {
+    /// All of a file.
+    pub fn whole(source: PathBuf, name: String) -> Self {
+        Self { source, name, object: None }
+    }
+
+    /// An object of the file that is called so.
+    pub fn object(source: PathBuf, file: &str, object: String) -> Self {
+        Self { source, name: format!("{file}/{object}"), object: Some(object) }
+    }
+
+    /// What the file is called: the name without that of the object.
+    pub fn file_name(&self) -> &str {
+        let object = self.object.as_deref().and_then(|object| self.name.strip_suffix(object));
+        object.map_or(&self.name, |file| file.trim_end_matches('/'))
+    }
 }
 
 /// Why the inputs make no list of meshes.
@@ -126,7 +149,7 @@ fn of_input(input: &Path) -> Result<Vec<Job>, IntakeError> {
         return pattern.jobs();
     }
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
-    Ok(vec![Job { source: input.to_owned(), name: name.into_owned() }])
+    Ok(vec![Job::whole(input.to_owned(), name.into_owned())])
 }
 
 /// Makes the samplings that a pipeline asks for, as files in `folder`: `square-144.ply`, of another seed
@@ -190,7 +213,8 @@ pub fn search(root: &Path) -> Result<Vec<Job>, IntakeError> {
         }
         let path = entry.into_path();
         if is_mesh(&path) && may_be_read(&path) {
-            jobs.push(Job { name: name_of(root, &path), source: path });
+            let name = name_of(root, &path);
+            jobs.push(Job::whole(path, name));
         }
     }
     Ok(jobs)

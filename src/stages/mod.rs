@@ -5,7 +5,7 @@
 //!                              ├─► predict with a given model ──────────────────────────────────────► refine ─┤
 //!                              └─► solve ─────────────────────────────────────────────────────────────────────┘
 //! ```
-//! - [`intake`]: which meshes there are
+//! - [`intake`]: which meshes there are; `opened`: the file whose objects are under way
 //! - [`context`]: what all stages share; recalling a result or computing it; [`work`]: what a result depends on
 //! - [`board`]: where every mesh stands
 //! - [`artifacts`]: what the store keeps of each stage
@@ -37,6 +37,7 @@ pub mod intake;
 pub mod line;
 pub mod lineage;
 pub mod models;
+mod opened;
 pub mod plan;
 pub mod predict;
 pub mod publish;

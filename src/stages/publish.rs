@@ -144,6 +144,10 @@ fn write(
     let descriptors = descriptors(context, &pairs, &mass, mesh.area())?;
     let document = spectrum.to_json();
     withdraw(&folder, Some(&document))?;
+    if loaded.job.object.is_some() {
+        // Of a time when the file was one mesh.
+        withdraw(&context.out.join(loaded.job.file_name()), None)?;
+    }
     let vertex_map = &ingested.vertex_map;
     let arrays = EigenArrays { mesh, pairs: &pairs, mass: &mass, mass_kind, vertex_map };
     let exported = export::Results { arrays, spectrum: &spectrum, operators: operators.as_deref() };

@@ -92,6 +92,7 @@ pub async fn run(run: Run) -> io::Result<Ended> {
         ledger: Default::default(),
         planned: None,
         flights: Default::default(),
+        opened: Default::default(),
     });
     let ended = CancellationToken::new();
     let teller = tokio::spawn(board::tell(context.clone(), ended.clone()));

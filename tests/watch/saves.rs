@@ -7,7 +7,7 @@ use chladni::publish::result::Spectrum;
 use chladni::publish::watched::Happened;
 
 use crate::common::{Workspace, obj};
-use crate::{FEM, Watched, ellipsoid, names_of_done};
+use crate::{FEM, Watched, ellipsoid, names_of_done, scene};
 
 #[test]
 fn saves_of_every_kind_make_current_results_and_nothing_else_is_computed() {
@@ -183,4 +183,45 @@ fn gltf(mesh: &TriMesh) -> (String, Vec<u8>) {
         bytes.len() - positions
     );
     (document, bytes)
+}
+
+#[test]
+fn objects_of_a_file_come_change_and_go() {
+    let pipeline =
+        FEM.to_owned() + "[ingest]\nobjects = \"split\"\n[publish]\non_delete = \"remove\"\n";
+    let workspace = Workspace::new(&pipeline);
+    workspace.write("meshes/scene.obj", &scene(&[("head", 1.3), ("body", 1.7)]));
+    let watched = Watched::start(workspace, &[]);
+    watched.is_current("scene.obj/head", &ellipsoid(1.3));
+    watched.is_current("scene.obj/body", &ellipsoid(1.7));
+
+    let save = |heights: &[(&str, f64)]| {
+        watched.workspace.write("meshes/scene.obj", &scene(heights));
+        watched.until_idle()
+    };
+    let said = save(&[("head", 1.3), ("tail", 2.1)]);
+    let is_deleted = |said: &[Happened], name: &str| {
+        said.iter().any(|it| matches!(it, Happened::Deleted { path, .. } if path == name))
+    };
+    assert!(is_deleted(&said, "scene.obj/body"), "{said:#?}");
+    watched.is_current("scene.obj/tail", &ellipsoid(2.1));
+    assert!(!watched.workspace.path("out/scene.obj/body").exists());
+    // One object alone is all of its file.
+    let said = save(&[("head", 1.3)]);
+    assert!(is_deleted(&said, "scene.obj/tail"), "{said:#?}");
+    watched.is_current("scene.obj", &ellipsoid(1.3));
+    save(&[("head", 1.3), ("tail", 2.2)]);
+
+    // As one mesh by another pipeline, and taken apart again.
+    watched.workspace.write("pipeline.toml", &pipeline.replace("split", "merge"));
+    watched.until(|it| matches!(it, Happened::Done { path, .. } if path == "scene.obj"));
+    watched.until_idle();
+    assert!(!watched.workspace.path("out/scene.obj/head").exists());
+    watched.workspace.write("pipeline.toml", &pipeline);
+    watched.until(|it| matches!(it, Happened::Done { path, .. } if path == "scene.obj/tail"));
+    watched.until_idle();
+    std::fs::remove_file(watched.mesh("scene.obj")).unwrap();
+    let said = watched.until_idle();
+    assert!(is_deleted(&said, "scene.obj/head") && is_deleted(&said, "scene.obj/tail"));
+    assert!(!watched.workspace.path("out/scene.obj").exists());
 }

@@ -8,7 +8,7 @@ use chladni::publish::status::{RunState, RunStatus};
 use chladni::publish::watched::Happened;
 
 use crate::common::Workspace;
-use crate::{FEM, Watched, ellipsoid, names_of_done};
+use crate::{FEM, Watched, ellipsoid, names_of_done, scene};
 
 #[cfg(unix)]
 fn signal(watched: &Watched, name: &str) {
@@ -84,6 +84,27 @@ fn what_was_deleted_while_nobody_watched_is_found_missing() {
     assert!(!workspace.path("out/sphere.obj").exists());
 }
 
+#[test]
+fn so_are_objects_of_a_file_that_is_still_there() {
+    let split = "[ingest]\nobjects = \"split\"\n[publish]\non_delete = \"remove\"\n";
+    let workspace = Workspace::new(&(FEM.to_owned() + split));
+    workspace.write("meshes/scene.obj", &scene(&[("head", 1.3), ("body", 1.7)]));
+    let (_, said) = once(&workspace);
+    assert_eq!(
+        said.last(),
+        Some(&Happened::Idle { meshes: 3, verified: 3, unverified: 0, failed: 0 })
+    );
+    workspace.write("meshes/scene.obj", &scene(&[("body", 1.7), ("tail", 1.9)]));
+    let (_, said) = once(&workspace);
+    let head = Happened::Deleted { path: "scene.obj/head".into(), results_kept: false };
+    assert!(said.contains(&head), "{said:?}");
+    let is_there = |name: &str| workspace.path("out/scene.obj").join(name).exists();
+    assert_eq!(["head", "body", "tail"].map(is_there), [false, true, true]);
+    std::fs::remove_file(workspace.path("meshes/scene.obj")).unwrap();
+    once(&workspace);
+    assert!(!workspace.path("out/scene.obj").exists());
+}
+
 #[cfg(unix)]
 #[test]
 fn systemd_is_told_when_the_folder_is_watched_and_when_that_ends() {
@@ -117,4 +138,28 @@ fn events_that_were_lost_cost_nothing() {
     signal(&watched, "-CONT");
     assert_eq!(names_of_done(&watched.until_idle()), ["late.obj"]);
     watched.is_current("late.obj", &ellipsoid(1.8));
+}
+
+#[test]
+fn a_table_of_all_fingerprints_is_kept_current() {
+    let workspace =
+        Workspace::new(&(FEM.to_owned() + "[publish]\ndescriptors = [\"shape-dna\"]\n"));
+    let table = || std::fs::read_to_string(workspace.path("out/shape_dna.csv"));
+    let names = || -> Vec<String> {
+        let text = table().unwrap();
+        text.lines().skip(1).map(|line| line.split(',').next().unwrap().into()).collect()
+    };
+    once(&workspace);
+    assert_eq!(names(), ["sphere.obj"]);
+    workspace.write("meshes/broken.obj", "v 0 0\n");
+    crate::save(&workspace, "egg.obj", &ellipsoid(1.4));
+    once(&workspace);
+    assert_eq!(names(), ["broken.obj", "egg.obj", "sphere.obj"]);
+    std::fs::remove_file(workspace.path("meshes/sphere.obj")).unwrap();
+    std::fs::remove_file(workspace.path("meshes/broken.obj")).unwrap();
+    once(&workspace);
+    assert_eq!(names(), ["egg.obj"]);
+    workspace.write("pipeline.toml", FEM);
+    once(&workspace);
+    assert!(table().is_err());
 }

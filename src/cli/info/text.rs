@@ -17,6 +17,9 @@ const BAR: usize = 40;
 /// More pieces, or runs of equal ones, are summed up.
 const PIECES: usize = 8;
 
+/// More objects are not named.
+const NAMED: usize = 12;
+
 /// The page of a mesh.
 pub fn page(info: &Info<'_>) -> String {
     let mut page = Page::default();
@@ -24,6 +27,14 @@ pub fn page(info: &Info<'_>) -> String {
     page.line("hash", &info.hash);
     let counts = format!("{} vertices, {} edges, {} faces", info.vertices, info.edges, info.faces);
     page.line("counts", &counts);
+    if info.objects.len() > 1 {
+        page.line("objects", &format!("{}: {}", info.objects.len(), listed(&info.objects)));
+        page.line("", "  ingest: made one mesh");
+        page.line(
+            "",
+            "  option: ingest.objects = \"split\" (solve --object NAME) makes each a mesh",
+        );
+    }
     page.line("topology", &topology(info));
     if info.pieces.len() > 1 {
         let alike: Vec<&[Piece]> = info.pieces.chunk_by(|a, b| a == b).collect();
@@ -55,6 +66,12 @@ pub fn page(info: &Info<'_>) -> String {
         }
     }
     page.text
+}
+
+/// The first few names.
+fn listed(names: &[String]) -> String {
+    let more = if names.len() > NAMED { ", …" } else { "" };
+    names[..names.len().min(NAMED)].join(", ") + more
 }
 
 fn topology(info: &Info<'_>) -> String {

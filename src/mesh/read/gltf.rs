@@ -1,4 +1,4 @@
-//! glTF 2.0 (`.gltf` and `.glb`): the triangles of the scene, each mesh where its nodes put it, as one mesh.
+//! glTF 2.0 (`.gltf` and `.glb`): the triangles of the scene, each mesh where its nodes put it. Every node with a mesh is an object.
 //!
 //! Only geometry is looked at: triangles, strips and fans of floating-point positions, with and without
 //! indices, interleaved or sparse. Materials, animations, morph targets and skins change nothing; a skinned
@@ -70,6 +70,7 @@ impl Walk {
         let Some(mesh) = node.mesh() else {
             return Ok(());
         };
+        self.raw.begin_object(node.name().or(mesh.name()).map(String::from));
         // Primitives of a mesh often share their positions.
         let mut seen = HashMap::new();
         for primitive in mesh.primitives() {

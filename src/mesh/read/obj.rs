@@ -1,9 +1,12 @@
 //! Wavefront OBJ: every object and group of the file as one mesh, vertices in the order of the `v` lines.
 //!
 //! Corners meet where they name the same position, whatever their texture and normal indices are, so seams do
-//! not cut the surface. Grouping, materials and comments change nothing.
+//! not cut the surface. Materials and comments change nothing. Its objects are those of its `o` lines, or where there are none the
+//! groups of its `g` lines; a name that comes again goes on with what it named before.
 
 mod lines;
+
+use std::collections::HashMap;
 
 use tobj::{LoadError, LoadOptions};
 
@@ -23,13 +26,14 @@ const OPTIONS: LoadOptions = LoadOptions {
 pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
     let mut raw = RawMesh::new(SameVertex::Index);
     let mut vertices = 0_usize;
+    let mut grouping = Grouping::default();
     for line in lines(text) {
         let number = u32::try_from(line.number).map_err(|_| Fault::TooLarge)?;
         match line.keyword() {
             b"v" => vertices += 1,
-            b"p" | b"l" | b"curv" | b"curv2" | b"surf" => {
-                raw.left_out.push(Place::Line(number));
-            }
+            b"p" | b"l" | b"curv" | b"curv2" | b"surf" => grouping.left_out.push(number),
+            b"o" => grouping.objects.begins(&line, number),
+            b"g" => grouping.groups.begins(&line, number),
             _ => {}
         }
     }
@@ -48,9 +52,79 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
     }
     let faces = split_faces(&mesh, usize::from(vertices > 0));
     for (face, &line) in faces.zip(&geometry.faces) {
+        grouping.until(line, &mut raw);
         raw.face(face, Place::Line(line))?;
     }
+    grouping.until(u32::MAX, &mut raw);
     Ok(raw)
+}
+
+/// What stands beside geometry.
+#[derive(Default)]
+struct Grouping {
+    objects: Named,
+    groups: Named,
+    /// Lines that are no surface.
+    left_out: Vec<u32>,
+    /// How many of the lines were taken note of, of names and of these.
+    noted: (usize, usize),
+    /// The numbers of the objects that have begun, by name.
+    begun: Vec<Option<usize>>,
+}
+
+/// Lines that name what follows.
+#[derive(Default)]
+struct Named {
+    names: Vec<String>,
+    index: HashMap<Vec<u8>, u32>,
+    /// Their numbers, and which name.
+    lines: Vec<(u32, u32)>,
+}
+
+impl Named {
+    fn begins(&mut self, line: &Line<'_>, number: u32) {
+        let name = line.words().skip(1).collect::<Vec<_>>().join(&b' ');
+        let next = self.names.len() as u32;
+        let which = *self.index.entry(name).or_insert_with_key(|name| {
+            self.names.push(String::from_utf8_lossy(name).into_owned());
+            next
+        });
+        self.lines.push((number, which));
+    }
+}
+
+impl Grouping {
+    /// Takes note of what stands before a line.
+    fn until(&mut self, line: u32, raw: &mut RawMesh) {
+        let named = if self.objects.lines.is_empty() { &self.groups } else { &self.objects };
+        self.begun.resize(named.names.len(), None);
+        let (names, others) = self.noted;
+        let next = |done: usize| named.lines.get(done).filter(|&&(number, _)| number < line);
+        let next_other = |done: usize| self.left_out.get(done).filter(|&&number| number < line);
+        let (mut names, mut others) = (names, others);
+        loop {
+            match (next(names), next_other(others)) {
+                (Some(&(number, which)), other) if other.is_none_or(|&other| number < other) => {
+                    names += 1;
+                    let begun = &mut self.begun[which as usize];
+                    match begun {
+                        Some(object) => raw.go_on_with(*object),
+                        None => {
+                            let name = named.names[which as usize].clone();
+                            let name = (!name.is_empty()).then_some(name);
+                            *begun = Some(raw.begin_object(name));
+                        }
+                    }
+                }
+                (_, Some(&number)) => {
+                    others += 1;
+                    raw.left_out.push(Place::Line(number));
+                }
+                _ => break,
+            }
+        }
+        self.noted = (names, others);
+    }
 }
 
 /// The corners of each face after the first `skipped`, as indices of positions. tobj leaves the arities out

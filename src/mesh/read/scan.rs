@@ -91,6 +91,11 @@ impl<'a> Scanner<'a> {
         self.line = &[];
     }
 
+    /// What is left of the line.
+    pub fn rest_of_line(&mut self) -> &'a [u8] {
+        std::mem::take(&mut self.line)
+    }
+
     /// The next `length` bytes after the line.
     pub fn take(&mut self, length: usize) -> Option<&'a [u8]> {
         let (block, rest) = self.rest.split_at_checked(length)?;

@@ -1,7 +1,7 @@
 //! STL, as text and as bytes: facets of three positions each, in single precision where they are bytes.
 //!
 //! The format has no indices: corners are one vertex where their positions are equal. Normals and the attribute
-//! of a binary facet change nothing; the solids of a text file are one mesh.
+//! of a binary facet change nothing; the solids of a text file are its objects.
 
 use super::scan::Scanner;
 use super::values::{Layout, Order, Scalar, Values, excerpt};
@@ -68,7 +68,10 @@ fn read_text(bytes: &[u8]) -> Result<RawMesh, Failure> {
             // A name follows, of any number of words.
             keyword @ (b"solid" | b"endsolid") => {
                 open = keyword == b"solid";
-                values.scanner.skip_line();
+                let name = String::from_utf8_lossy(values.scanner.rest_of_line().trim_ascii());
+                if open {
+                    raw.begin_object((!name.is_empty()).then(|| name.into_owned()));
+                }
             }
             _ => return Err(unexpected(&values, "facet` or `endsolid", word)),
         }

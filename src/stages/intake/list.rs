@@ -38,9 +38,9 @@ pub fn jobs(list: &Path) -> Result<Vec<Job>, IntakeError> {
             )));
         }
         let found = of_input(&path).map_err(|e| error(e.to_string()))?;
-        jobs.extend(found.into_iter().map(|job| Job {
-            name: name_below(folder, &job.source).unwrap_or(job.name),
-            source: job.source,
+        jobs.extend(found.into_iter().map(|Job { source, name, .. }| {
+            let name = name_below(folder, &source).unwrap_or(name);
+            Job::whole(source, name)
         }));
     }
     if jobs.is_empty() {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use super::Ended;
 use crate::mesh::MeshHash;
-use crate::publish::report::{MeshReport, Status};
+use crate::publish::report::{MeshReport, RunReport, Status};
 use crate::publish::watched::Happened;
 use crate::stages::intake::Job;
 use crate::stages::publish;
@@ -28,6 +28,8 @@ pub struct Account<'t> {
     /// Meshes of the first look, of which nothing is said before they are done.
     unsaid: HashSet<String>,
     ended: Ended,
+    /// How every mesh of this moment ended, by name.
+    reports: BTreeMap<String, MeshReport>,
     /// Something was said since everything was current.
     has_spoken: Cell<bool>,
 }
@@ -54,6 +56,7 @@ impl<'t> Account<'t> {
             since: SystemTime::now(),
             unsaid: HashSet::new(),
             ended: Ended::default(),
+            reports: BTreeMap::new(),
             has_spoken: Cell::new(false),
         }
     }
@@ -85,8 +88,18 @@ impl<'t> Account<'t> {
         }
     }
 
-    /// A mesh is whole. Whether it is another than it was: one may also be tried again.
-    pub fn is_ready(&mut self, job: &Job, stamp: &Stamp) -> bool {
+    /// A file is whole. Whether nothing is to be said of its meshes before they are done.
+    pub fn is_whole(&mut self, file: &str) -> bool {
+        self.unsaid.remove(file)
+    }
+
+    /// Whether there is such a mesh.
+    pub fn knows(&self, name: &str) -> bool {
+        self.known.contains_key(name)
+    }
+
+    /// A mesh is whole, and that is said unless `unsaid`. Whether it is another than it was: one may also be tried again.
+    pub fn is_ready(&mut self, job: &Job, stamp: &Stamp, unsaid: bool) -> bool {
         let known = self.known.get(&job.name);
         if known.is_some_and(|known| known.stamp == *stamp) {
             return false;
@@ -95,7 +108,7 @@ impl<'t> Account<'t> {
         let hash = known.and_then(|known| known.hash);
         let known = Known { job: job.clone(), stamp: stamp.clone(), hash, complaint: None };
         self.known.insert(job.name.clone(), known);
-        if !self.unsaid.remove(&job.name) {
+        if !unsaid {
             self.say(&Happened::Ready { path: job.name.clone() });
         }
         true
@@ -104,6 +117,7 @@ impl<'t> Account<'t> {
     /// A mesh is gone, or was renamed.
     pub fn leaves(&mut self, name: String) {
         self.ended.meshes.remove(&name);
+        self.reports.remove(&name);
         match self.known.remove(&name) {
             Some(Known { hash: Some(hash), .. }) => {
                 self.departed.leaves(Instant::now(), name, hash);
@@ -133,6 +147,7 @@ impl<'t> Account<'t> {
     /// A mesh is done that was ready with this stamp.
     pub fn is_done(&mut self, job: &Job, stamp: &Stamp, report: &MeshReport) {
         self.ended.meshes.insert(job.name.clone(), report.status);
+        self.reports.insert(job.name.clone(), report.clone());
         let before = self.known.get(&job.name).and_then(|known| known.hash);
         if let Some(known) = self.known.get_mut(&job.name) {
             (known.hash, known.complaint) = (report.hash, None);
@@ -151,6 +166,7 @@ impl<'t> Account<'t> {
 
     /// A mesh could not be processed; it may be tried `again`.
     pub fn has_failed(&mut self, report: MeshReport, again: bool, is_defect: bool) {
+        self.reports.insert(report.path.clone(), report.clone());
         let MeshReport { path, reason, .. } = report;
         self.ended.defect |= is_defect;
         self.ended.meshes.insert(path.clone(), Status::Failed);
@@ -167,6 +183,12 @@ impl<'t> Account<'t> {
     pub fn say(&self, happened: &Happened) {
         self.has_spoken.set(true);
         (self.tell)(happened);
+    }
+
+    /// As of a run over all meshes.
+    pub fn report(&self) -> RunReport {
+        let seconds = self.reports.values().map(|report| report.seconds).sum();
+        RunReport::new(self.reports.values().cloned().collect(), seconds)
     }
 
     /// The meshes that have results.

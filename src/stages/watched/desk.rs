@@ -77,7 +77,7 @@ mod tests {
 
     fn put(desk: &mut Desk, name: &str) {
         let stamp = Stamp::of("Cargo.toml".as_ref(), vec![]).unwrap();
-        desk.put(Job { source: name.into(), name: name.into() }, stamp);
+        desk.put(Job::whole(name.into(), name.into()), stamp);
     }
 
     fn take(desk: &mut Desk) -> String {

@@ -27,12 +27,15 @@ use scan::{Seen, scan};
 
 use super::board::{self, Board};
 use super::context::Context;
-use super::intake::{self, Job};
+use super::intake::{self, Job, apart};
 use super::line::{Line, failed};
 use super::predict::GivenModel;
 use super::{Failure, retention};
+use crate::descriptors::Descriptor;
 use crate::flow::{EventSink, Outcome};
+use crate::mesh::policy::Objects;
 use crate::pipeline::{OnDelete, Pipeline};
+use crate::publish::export::shape_dna;
 use crate::publish::kept_current::KeptCurrent;
 use crate::publish::report::{MeshReport, Status};
 use crate::publish::watched::Happened;
@@ -112,6 +115,9 @@ pub async fn watch(
         seen: Seen::new(),
         complaint: None,
         account,
+        objects: pipeline.ingest.objects,
+        parts: BTreeMap::new(),
+        compares: false,
     };
     loop {
         match house.keep_current(pipeline, model, source).await? {
@@ -198,6 +204,12 @@ struct House<'t> {
     /// Why the folder could not be searched, which is told once.
     complaint: Option<String>,
     account: Account<'t>,
+    /// Whether the objects of a file are meshes of their own.
+    objects: Objects,
+    /// What the meshes of such files are called.
+    parts: BTreeMap<PathBuf, Vec<String>>,
+    /// Whether there is a table of all fingerprints.
+    compares: bool,
 }
 
 impl House<'_> {
@@ -211,7 +223,10 @@ impl House<'_> {
         let removes = pipeline.publish.on_delete == OnDelete::Remove;
         let mut desk = Desk::default();
         // Under another pipeline every mesh is looked at again.
-        self.account.begins(removes).for_each(|(job, stamp)| desk.put(job, stamp));
+        let known: Vec<_> = self.account.begins(removes).collect();
+        let as_before = self.objects == pipeline.ingest.objects;
+        self.objects = pipeline.ingest.objects;
+        self.compares = pipeline.publish.descriptors.contains(&Descriptor::ShapeDna);
         self.remember_the_last_watch(removes);
         let cancel = self.watch.cancel.child_token();
         let context = Arc::new(self.context(pipeline, model, cancel.clone()));
@@ -220,6 +235,16 @@ impl House<'_> {
         let (line, entrance, mut outcomes) =
             Line::start(&context, self.watch.workers, self.watch.memory)?;
         let (mut begun, mut next_item) = (HashMap::<usize, Begun>::new(), 0);
+        if as_before {
+            known.into_iter().for_each(|(job, stamp)| desk.put(job, stamp));
+        } else {
+            let files: HashMap<_, _> =
+                known.into_iter().map(|(job, stamp)| (job.source, stamp)).collect();
+            for (source, stamp) in files {
+                let jobs = self.jobs_of(&source).await;
+                self.is_whole(source, jobs, stamp, &context, &mut desk, &mut begun);
+            }
+        }
         let mut entering = JoinSet::new();
         // Every look is followed by a pause, whatever hints come meanwhile.
         let (mut looked, mut pause_until) = (Instant::now(), Instant::now());
@@ -247,15 +272,16 @@ impl House<'_> {
                 if is_news && why == Look::Regular && !is_first {
                     self.hints.missed_something();
                 }
-                context.board.expects(self.seen.len());
+                context.board.expects(self.meshes());
                 if let Some(silent) = self.silent.take() {
-                    let (folder, meshes) = (self.folder(), self.seen.len());
+                    let (folder, meshes) = (self.folder(), self.meshes());
                     let polled = silent.map(|silent| silent.to_string());
                     self.account.say(&Happened::Watching { folder, meshes, polled });
                 }
                 for change in changes {
-                    self.take_note(change, is_first, &context, &mut desk, &mut begun);
+                    self.take_note(change, is_first, &context, &mut desk, &mut begun).await;
                 }
+                context.board.expects(self.meshes());
             }
             let all_is_read = self.silent.is_none()
                 && desk.is_empty()
@@ -312,10 +338,21 @@ impl House<'_> {
     /// Before the first look: where results go with their meshes, those of the last watch of this folder are remembered.
     fn remember_the_last_watch(&mut self, removes: bool) {
         let Watch { out, folder, .. } = &self.watch;
-        if removes && self.silent.is_some() {
-            let last = KeptCurrent::last(out, folder).into_iter();
-            self.settling.remembers(Instant::now(), last.map(|name| folder.join(name)));
+        if !removes || self.silent.is_none() {
+            return;
         }
+        let mut files = Vec::new();
+        for name in KeptCurrent::last(out, folder) {
+            let path = folder.join(&name);
+            // An object of a file that is still there is gone only when the file has no such object any more.
+            let mut above = path.ancestors().skip(1).take_while(|above| above != folder);
+            match above.find(|above| above.is_file()).map(Path::to_owned) {
+                Some(file) => self.parts.entry(file).or_default().push(name),
+                None => files.push(path),
+            }
+        }
+        files.extend(self.parts.keys().cloned());
+        self.settling.remembers(Instant::now(), files);
     }
 
     /// Leaves word to the next watch of which meshes have results.
@@ -325,6 +362,21 @@ impl House<'_> {
         if let Ok(Err(error)) = tokio::task::spawn_blocking(move || list.write(&out)).await {
             tracing::warn!("the next watch will not know what was deleted before it: {error}");
         }
+    }
+
+    /// How many meshes there are, as far as is known.
+    fn meshes(&self) -> usize {
+        self.seen.len() + self.parts.values().map(|names| names.len() - 1).sum::<usize>()
+    }
+
+    /// The meshes of a file.
+    async fn jobs_of(&self, source: &Path) -> Vec<Job> {
+        let whole = Job::whole(source.into(), self.name_of(source));
+        if self.objects == Objects::Merge {
+            return vec![whole];
+        }
+        let job = whole.clone();
+        tokio::task::spawn_blocking(|| apart(job)).await.unwrap_or_else(|_| vec![whole])
     }
 
     fn name_of(&self, source: &Path) -> String {
@@ -401,7 +453,7 @@ impl House<'_> {
         }
     }
 
-    fn take_note(
+    async fn take_note(
         &mut self,
         change: Change,
         is_first: bool,
@@ -412,20 +464,59 @@ impl House<'_> {
         match change {
             Change::Moving(source) => self.account.moves(self.name_of(&source), is_first),
             Change::Ready(source, stamp) => {
-                let job = Job { name: self.name_of(&source), source };
-                if self.account.is_ready(&job, &stamp) {
-                    self.give_up(&job.name, context, begun);
-                }
-                desk.put(job, stamp);
+                let jobs = self.jobs_of(&source).await;
+                self.is_whole(source, jobs, stamp, context, desk, begun);
             }
             Change::Gone(source) => {
-                let name = self.name_of(&source);
-                self.give_up(&name, context, begun);
-                desk.drop(&name);
-                context.board.forgets(&name);
-                self.account.leaves(name);
+                let names = self.parts.remove(&source);
+                for name in names.unwrap_or_else(|| vec![self.name_of(&source)]) {
+                    self.is_gone(name, context, desk, begun);
+                }
             }
         }
+    }
+
+    /// A file is whole and has these meshes; those that it had before and has no more are gone.
+    fn is_whole(
+        &mut self,
+        source: PathBuf,
+        jobs: Vec<Job>,
+        stamp: Stamp,
+        context: &Context,
+        desk: &mut Desk,
+        begun: &mut HashMap<usize, Begun>,
+    ) {
+        let file = self.name_of(&source);
+        let unsaid = self.account.is_whole(&file);
+        let names: Vec<String> = jobs.iter().map(|job| job.name.clone()).collect();
+        let as_one = || self.account.knows(&file).then(|| file.clone()).into_iter().collect();
+        let before = self.parts.remove(&source).unwrap_or_else(as_one);
+        for name in before.into_iter().filter(|name| !names.contains(name)) {
+            self.is_gone(name, context, desk, begun);
+        }
+        if jobs.iter().any(|job| job.object.is_some()) {
+            self.parts.insert(source, names);
+        }
+        for job in jobs {
+            if self.account.is_ready(&job, &stamp, unsaid) {
+                self.give_up(&job.name, context, begun);
+            }
+            desk.put(job, stamp.clone());
+        }
+    }
+
+    /// There is no such mesh any more.
+    fn is_gone(
+        &mut self,
+        name: String,
+        context: &Context,
+        desk: &mut Desk,
+        begun: &mut HashMap<usize, Begun>,
+    ) {
+        self.give_up(&name, context, begun);
+        desk.drop(&name);
+        context.board.forgets(&name);
+        self.account.leaves(name);
     }
 
     /// The work on an older version of a mesh is no longer wanted.
@@ -482,12 +573,26 @@ impl House<'_> {
         }
     }
 
+    /// The table of all fingerprints, where it is asked for; none of an earlier pipeline otherwise.
+    async fn compare(&self) {
+        let out = self.watch.out.clone();
+        let report = self.compares.then(|| self.account.report());
+        let written = tokio::task::spawn_blocking(move || match report {
+            Some(report) => shape_dna::write(&out, &report),
+            None => shape_dna::remove_files(&out),
+        });
+        if let Ok(Err(error)) = written.await {
+            tracing::warn!("the table of ShapeDNA is not current: {error}");
+        }
+    }
+
     /// Everything is current: a moment to look after the cache.
     async fn is_current(&self) {
         if !self.account.is_current() {
             return;
         }
         self.leave_word().await;
+        self.compare().await;
         let Some(store) = self.watch.store.clone() else { return };
         let kept = tokio::task::spawn_blocking(move || retention::keep_models(&store)).await;
         if let Ok(Err(error)) = kept {
