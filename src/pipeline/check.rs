@@ -27,7 +27,7 @@ const RITZ_ONLY: [&str; 10] = [
 ];
 
 /// Options that only a shared trunk reads.
-const SHARED_ONLY: [&str; 2] = ["train.spare", "train.head_subdivisions"];
+const SHARED_ONLY: [&str; 1] = ["train.spare"];
 const PAPER_ONLY: [&str; 9] = [
     "train.epochs",
     "train.milestones",

@@ -60,8 +60,8 @@ pub struct Train {
     pub ridge: f64,
     /// `shared`: eigenfunctions beyond k that training goes down with the others, so that φ_k does not mix with them.
     pub spare: usize,
-    /// `shared`: how often variants are subdivided, and their vertices moved to the mesh, before the heads are solved for
-    /// the last time.
+    /// `ritz`: how often variants are subdivided, and their vertices moved to the mesh, before the heads of a trunk are solved
+    /// for the last time.
     pub head_subdivisions: usize,
     /// `ritz`: variants, the last ones, that training does not see: it ends when it becomes no better there.
     pub held_out: usize,

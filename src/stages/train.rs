@@ -53,6 +53,8 @@ pub struct InTraining {
     parent: Option<Arc<Parent>>,
     /// The eigenfunctions so far on every member: as many as training has needed; none before the first training.
     earlier: Vec<Dense>,
+    /// The same on the finer members that heads are solved on.
+    earlier_on_finer: Vec<Dense>,
 }
 
 /// A block with where it came from.
@@ -77,8 +79,15 @@ impl InTraining {
     pub fn new(prepared: Prepared, chosen: Chosen) -> Self {
         let Prepared { assembled, training } = prepared;
         let (training, chosen) = (Arc::new(training), Arc::new(chosen));
-        let (blocks, earlier) = (Vec::new(), Vec::new());
-        Self { assembled, training, blocks, chosen, parent: None, earlier }
+        Self {
+            assembled,
+            training,
+            blocks: Vec::new(),
+            chosen,
+            parent: None,
+            earlier: Vec::new(),
+            earlier_on_finer: Vec::new(),
+        }
     }
 
     /// The same, going on from the blocks of `parent`.
@@ -246,14 +255,10 @@ fn trained(
         checkpoints.map(|store| Checkpoints::of(result, store, context.checkpoint_every));
     let progress = Progress::new(mesh, &work, recipe.reports(), context.stop(item));
     let progress = Progress { checkpoints, ..progress };
-    let Seen { members, nullspaces } = state.training.seen();
-    if state.earlier.is_empty() {
-        state.earlier.clone_from(nullspaces);
-    }
-    // What the blocks since the last training add.
-    let predicted = state.earlier.first().map_or(0, |phi| phi.ncols() - state.training.known);
-    let new: Vec<&Block> = state.blocks[predicted..].iter().map(|new| &*new.block).collect();
-    append_predictions(members, &new, &mut state.earlier);
+    let training = state.training.clone();
+    let seen = training.seen();
+    catch_up(seen, &state.blocks, &mut state.earlier);
+    let members = &seen.members;
     let seed = trunk_seed(state.chosen.train.seed, *wanted.start());
     let start = state.parent_of(*wanted.start(), recipe).map(|parent| parent.block.trunk());
     let blocks = match recipe {
@@ -262,14 +267,17 @@ fn trained(
             fits(recipe, heads)?;
             let samples = Sample::all(members, &state.earlier);
             let held_out = recipe.held_out_of(samples.len());
-            let finer = state.training.finer()?;
+            let finer = training.finer()?;
             let trained = match start {
                 None => train_blocks(samples, recipe, heads, seed, &progress),
                 Some(trunk) => train_blocks_from(trunk, samples, recipe, heads, seed, &progress),
             };
             trained.and_then(|blocks| match finer {
                 None => Ok(blocks),
-                Some(finer) => heads_on(finer, held_out, &blocks, recipe),
+                Some(finer) => {
+                    catch_up(finer, &state.blocks, &mut state.earlier_on_finer);
+                    heads_on(finer, &state.earlier_on_finer, held_out, &blocks, recipe)
+                }
             })
         }
         Recipe::Paper(recipe) => {
@@ -293,15 +301,29 @@ pub fn fits(recipe: &Ritz, heads: usize) -> Result<(), Failure> {
     if heads > width { Err(Failure::NarrowTrunk { heads, width }) } else { Ok(()) }
 }
 
-/// The blocks of a shared trunk with heads for other samplings; not of the last members, which are `held_out`.
+/// Brings the eigenfunctions that are known on every member up to those of `blocks`.
+fn catch_up(seen: &Seen, blocks: &[TrainedBlock], known: &mut Vec<Dense>) {
+    if known.is_empty() {
+        known.clone_from(&seen.nullspaces);
+    }
+    // What the blocks since the last time add.
+    let zeros = seen.nullspaces.first().map_or(0, |zeros| zeros.ncols());
+    let predicted = known.first().map_or(0, |phi| phi.ncols() - zeros);
+    let new: Vec<&Block> = blocks[predicted..].iter().map(|new| &*new.block).collect();
+    append_predictions(&seen.members, &new, known);
+}
+
+/// The blocks of a trunk with heads for finer samplings, against what is known there before them; not of the last members,
+/// which are `held_out`.
 fn heads_on(
     finer: &Seen,
+    earlier: &[Dense],
     held_out: usize,
     blocks: &[Block],
     recipe: &Ritz,
 ) -> Result<Vec<Block>, TrainError> {
     let seen = finer.members.len() - held_out;
-    let samples = Sample::all(&finer.members[..seen], &finer.nullspaces);
+    let samples = Sample::all(&finer.members[..seen], earlier);
     solve_heads(blocks, &samples, recipe.ridge).ok_or(TrainError::Degenerate { step: recipe.steps })
 }
 
