@@ -54,6 +54,23 @@ fn more_eigenpairs_train_only_the_new_ones_and_fewer_none() {
 }
 
 #[test]
+fn heads_on_finer_samplings_are_a_chain_as_well() {
+    let finer = QUICK.replace("[train]", "[train]\nhead_subdivisions = 1");
+    let workspace = Workspace::new(&finer);
+    during(&workspace, &["--set", "train.k=2"]);
+    assert_eq!(during(&workspace, &[]).1, [2, 1]);
+    let results =
+        |workspace: &Workspace| std::fs::read(workspace.path("out/sphere.obj/eigen.npz")).unwrap();
+    let (grown, at_once, coarse) =
+        (results(&workspace), Workspace::new(&finer), Workspace::new(QUICK));
+    for workspace in [&at_once, &coarse] {
+        during(workspace, &[]);
+    }
+    assert!(grown == results(&at_once));
+    assert!(grown != results(&coarse));
+}
+
+#[test]
 fn a_changed_recipe_retrains_all_and_a_changed_tolerance_nothing() {
     let workspace = Workspace::new(QUICK);
     during(&workspace, &[]);
