@@ -3,8 +3,10 @@
 
 mod common;
 
+use std::collections::BTreeSet;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
 use common::{QUICK, Workspace, text};
 use serde_json::Value;
@@ -54,19 +56,43 @@ fn browser() -> Option<&'static str> {
         .find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))
 }
 
-/// What the page came to at this width.
-fn visited(browser: &str, page: &Path, width: u32) -> Value {
+/// A visit to the page at this width.
+fn visit(browser: &str, page: &Path, width: u32, arguments: &[&str]) -> Output {
     let profile = tempfile::tempdir().unwrap();
-    let output = Command::new(browser)
+    Command::new(browser)
         .args(["--headless", "--no-sandbox", "--use-angle=swiftshader"])
         .args(["--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-first-run"])
         .args(["--disable-quic", "--disable-background-networking", "--disable-component-update"])
-        .args(["--disable-sync", "--virtual-time-budget=20000", "--dump-dom"])
+        .args(["--disable-sync", "--hide-scrollbars", "--virtual-time-budget=20000"])
+        .args(arguments)
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg(format!("--window-size={width},900"))
         .arg(format!("file://{}", page.display()))
         .output()
-        .unwrap();
+        .unwrap()
+}
+
+/// Takes a picture of the page as people see it who like it dark or light, left in `target/tmp` to be looked at: its colours, and that
+/// of its corner.
+fn screenshot(browser: &str, page: &Path, width: u32, dark: bool) -> (BTreeSet<[u8; 3]>, [u8; 3]) {
+    let scheme = if dark { "dark" } else { "light" };
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("report-{width}-{scheme}.png"));
+    let picture = format!("--screenshot={}", file.display());
+    let preferred = format!("--blink-settings=preferredColorScheme={}", u8::from(!dark));
+    let output = visit(browser, page, width, &[&picture, &preferred]);
+    let picture = std::fs::File::open(&file).unwrap_or_else(|_| panic!("{}", text(&output)));
+    let mut reader = png::Decoder::new(BufReader::new(picture)).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert!(info.width == width && info.height == 900, "{info:?}");
+    let pixel = |bytes: &[u8]| [bytes[0], bytes[1], bytes[2]];
+    let colours = bytes.chunks_exact(info.color_type.samples()).map(pixel);
+    (colours.collect(), pixel(&bytes))
+}
+
+/// What the page came to at this width.
+fn visited(browser: &str, page: &Path, width: u32) -> Value {
+    let output = visit(browser, page, width, &["--dump-dom"]);
     let page = String::from_utf8_lossy(&output.stdout);
     let result = page.split("<pre id=\"result\">").nth(1).and_then(|rest| rest.split('<').next());
     let result = result.unwrap_or_else(|| panic!("no result: {}", text(&output)));
@@ -112,6 +138,12 @@ fn pages_are_there_when_they_are_asked_for_and_work_in_a_browser() {
             assert_eq!(seen["buttons"], 3);
             let links = seen["links"].as_array().unwrap();
             assert!(links.iter().all(|link| link.as_str().unwrap().starts_with("data:")), "{seen}");
+            for (dark, corner) in [(true, 0..64), (false, 192..256)] {
+                let (colours, first) =
+                    screenshot(browser, &out("sphere.obj/report.html"), width, dark);
+                assert!(first.iter().all(|&c| corner.contains(&i32::from(c))), "{first:?}");
+                assert!(colours.len() > 500, "a shaded mesh has many colours: {}", colours.len());
+            }
             assert!(seen["wide"].as_f64().unwrap() <= 0.0, "nothing sticks out at {width}: {seen}");
         }
     } else {
