@@ -192,6 +192,8 @@ fn each_kind_of_masses_is_better_at_something() {
         };
         let errors = of("lumped", "error of λ").into_iter().zip(of("consistent", "error of λ"));
         assert!(errors.clone().count() == 3 && errors.clone().all(|(l, c)| 1.2 * l < c));
+        let mut voronoi = of("voronoi", "error of λ").into_iter().zip(of("lumped", "error of λ"));
+        assert!(voronoi.all(|(v, l)| 0.9 * l < v && v < l), "a few per cent better");
         let coarse = |variant| of(variant, "MSE")[0];
         assert!(coarse("lumped") > farther * coarse("consistent"), "{surface}");
     }

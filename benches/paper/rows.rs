@@ -1,46 +1,85 @@
 //! The table of an experiment: what was run now, and for the variants that were not what earlier runs have found.
 //!
-//! Some rows take an hour. Those of all runs so far lie in `docs/paper/results`, a file an experiment.
+//! Some rows take an hour. Those of all runs so far lie in `docs/paper/results`, a file an experiment. A row is of the options that its
+//! variant had then: with others it counts no more.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
+use chladni::pipeline::sweep::{Asked, Sweep};
 use chladni::publish::sweep::{HEADER, Row};
+use serde::{Deserialize, Serialize};
 
 use super::Outcome;
 use super::results::Experiment;
 
+/// A row with what it was computed by.
+#[derive(Clone, Serialize, Deserialize)]
+struct Kept {
+    /// A digest of the options of its variant.
+    options: String,
+    row: Row,
+}
+
 /// The table in Markdown, with the rows of `experiment` where it was run.
 pub fn table(experiment: Outcome<Experiment>, docs: &Path, name: &str) -> Outcome<String> {
     let file = docs.join("paper/results").join(format!("{name}.json"));
-    let before: Vec<Row> = match std::fs::read(&file) {
+    let before: Vec<Kept> = match std::fs::read(&file) {
         Ok(bytes) => serde_json::from_slice(&bytes)?,
         Err(_) => Vec::new(),
     };
-    let rows = match experiment {
-        Ok(experiment) => merged(experiment.report.table, before),
+    let now: Vec<Row> = match experiment {
+        Ok(experiment) => experiment.report.table,
         Err(error) if before.is_empty() => return Err(error),
-        Err(_) => before,
+        Err(_) => Vec::new(),
     };
+    let Wanted { rows, options } = wanted(docs, name)?;
+    let with_options = |row: Row| Some(Kept { options: options.get(&row.variant)?.clone(), row });
+    let now: Vec<Kept> = now.into_iter().filter_map(with_options).collect();
+    let kept = rows.iter().filter_map(|(variant, column)| {
+        let same = |kept: &&Kept| (&kept.row.variant, &kept.row.column) == (variant, column);
+        let was = before.iter().find(same).filter(|was| options.get(variant) == Some(&was.options));
+        // A run that has not come to all seeds says less; of equals the later counts.
+        was.into_iter().chain(now.iter().find(same)).max_by_key(|kept| kept.row.seeds).cloned()
+    });
+    let kept: Vec<Kept> = kept.collect();
     std::fs::create_dir_all(docs.join("paper/results"))?;
-    std::fs::write(&file, serde_json::to_string_pretty(&rows)? + "\n")?;
-    Ok(markdown(&rows))
+    std::fs::write(&file, serde_json::to_string_pretty(&kept)? + "\n")?;
+    Ok(markdown(&kept))
 }
 
-/// In the order of the experiment's file, each row from the run that has it.
-fn merged(now: Vec<Row>, before: Vec<Row>) -> Vec<Row> {
-    let found = |row: Row| {
-        if row.seeds > 0 {
-            return row;
-        }
-        let same = |old: &&Row| (&old.variant, &old.column) == (&row.variant, &row.column);
-        before.iter().find(same).cloned().unwrap_or(row)
-    };
-    now.into_iter().map(found).collect()
+/// What an experiment is to have.
+struct Wanted {
+    /// Variants and columns, in the order of its file.
+    rows: Vec<(String, String)>,
+    /// Digests of the options of each variant, the seed and paths aside.
+    options: BTreeMap<String, String>,
+}
+
+fn wanted(docs: &Path, name: &str) -> Outcome<Wanted> {
+    let file = docs.join("../pipelines/paper").join(format!("{name}.toml"));
+    let Sweep { comparison, cases } = Sweep::load(&file, Asked::default())?;
+    let comparison = comparison.ok_or("it compares nothing")?;
+    let mut options = BTreeMap::new();
+    for mut case in cases {
+        case.pipeline.train.seed = 0;
+        case.pipeline.input.paths.clear();
+        let digest = blake3::hash(&serde_json::to_vec(&case.pipeline)?);
+        options.insert(case.variant, digest.to_hex()[..16].to_string());
+    }
+    let mut rows = Vec::new();
+    for variant in comparison.variants {
+        // One without seeds was run by somebody else.
+        options.entry(variant.name.clone()).or_default();
+        let columns = comparison.columns.iter().map(|column| column.name.clone());
+        rows.extend(columns.map(|column| (variant.name.clone(), column)));
+    }
+    Ok(Wanted { rows, options })
 }
 
 /// Without columns that are empty, and each variant named once.
-fn markdown(rows: &[Row]) -> String {
-    let rows: Vec<_> = rows.iter().map(Row::cells).collect();
+fn markdown(kept: &[Kept]) -> String {
+    let rows: Vec<_> = kept.iter().map(|kept| kept.row.cells()).collect();
     let shown: Vec<usize> =
         (0..HEADER.len()).filter(|&i| rows.iter().any(|row| row[i] != "–")).collect();
     let line = |cells: &[String]| {

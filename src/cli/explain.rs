@@ -73,5 +73,5 @@ pub fn show(
 
 fn is_called(job: &Job, mesh: &str) -> bool {
     let same_file = || Some(job.source.canonicalize().ok()? == std::fs::canonicalize(mesh).ok()?);
-    job.name == mesh || same_file() == Some(true)
+    job.name == mesh || job.file_name() == mesh || same_file() == Some(true)
 }

@@ -253,7 +253,7 @@ fn published(
 
 /// Whether other arguments would have helped: the mesh is not to blame.
 fn asks_too_much(failure: &Failure) -> bool {
-    matches!(failure, Failure::TooSmall { .. } | Failure::Unfit(_))
+    matches!(failure, Failure::TooSmall { .. } | Failure::Unfit(_)) || failure.is_no_object()
 }
 
 fn text(

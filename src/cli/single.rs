@@ -16,18 +16,24 @@ pub struct OneMesh {
     /// An OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB file
     #[arg(value_name = "MESH")]
     pub file: PathBuf,
-    /// One object of the file, as `chladni info` calls it [default: all of the file is one mesh]
+    /// One object of the file, as the file or `chladni info` calls it [default: all of the file is one mesh]
     #[arg(long, value_name = "NAME")]
     pub object: Option<String>,
 }
 
 impl OneMesh {
-    /// As a job, which is called by the name of the file.
+    /// As a job, which is called by the names of the file and the object.
     pub fn job(&self) -> Job {
         let file = self.file.file_name().unwrap_or(self.file.as_os_str()).to_string_lossy();
         match &self.object {
             None => Job::whole(self.file.clone(), file.into_owned()),
-            Some(object) => Job::object(self.file.clone(), &file, object.clone()),
+            Some(object) => {
+                // What cannot be read fails when it is, with its reason.
+                let opened = Opened::read(&self.file).ok();
+                let called = opened.as_ref().and_then(|opened| opened.called(object));
+                let object = called.unwrap_or(object).to_owned();
+                Job::object(self.file.clone(), &file, object)
+            }
         }
     }
 
@@ -39,21 +45,24 @@ impl OneMesh {
         let opened = Opened::read(&self.file)?;
         Ok(match &self.object {
             None => (opened.whole()?, opened.objects()),
-            Some(object) => (opened.object(object)?, Vec::new()),
+            Some(object) => {
+                let object = opened.called(object).unwrap_or(object);
+                (opened.object(object)?, Vec::new())
+            }
         })
     }
 
     /// What it is called in what is shown.
     pub fn title(&self) -> String {
-        let file = self.file.display();
-        self.object.as_ref().map_or_else(|| file.to_string(), |object| format!("{file}: {object}"))
+        let path = self.object.as_ref().map(|object| self.file.join(object));
+        path.as_ref().unwrap_or(&self.file).display().to_string()
     }
 }
 
 /// What is written of a mesh, and where.
 #[derive(Debug, clap::Args)]
 pub struct Written {
-    /// Write the eigenpairs too, to DIR/<name of the mesh>
+    /// Write the eigenpairs too, to DIR/<name of the file>, of an object to DIR/<name of the file>/<name of the object>
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// In which formats beside npz, with commas between: json, ply, vtk, vtu, glb, csv, mat, operators, mtx [default: ply]

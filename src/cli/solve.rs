@@ -213,11 +213,12 @@ fn solve(context: &Context, job: Job) -> Result<Verified, Failure> {
 /// Whether other arguments would have helped: the mesh is not to blame.
 fn asks_too_much(failure: &Failure) -> bool {
     use SpectrumError::{NoBoundary, NoInterior, TooMany};
-    matches!(
+    let asks = matches!(
         failure,
         Failure::TooSmall { .. }
             | Failure::Spectrum(NoBoundary | NoInterior { .. } | TooMany { .. })
-    )
+    );
+    asks || failure.is_no_object()
 }
 
 fn document<'a>(path: &'a str, spectrum: &'a Spectrum, report: &'a MeshReport) -> Solution<'a> {

@@ -19,23 +19,17 @@ pub struct Arguments {
 
 pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let out = arguments.out.display();
-    let unreadable = |error| Refusal::usage(format!("{out}: the status cannot be read: {error}"));
-    let own = read(&arguments.out).map_err(unreadable)?;
-    let (part, status) = match own {
-        Some(status) => (None, status),
-        None => match read_sweep(&arguments.out).map_err(unreadable)? {
-            Some((part, status)) => (Some(part), status),
-            None => {
-                return Err(Refusal::usage(format!(
-                    "{out}: no run has written there yet; give the folder that its --out names"
-                )));
-            }
-        },
-    };
-    match (arguments.format, part) {
-        (Format::Json, _) => print_json(&status)?,
-        (Format::Human, None) => print(&text(&status))?,
-        (Format::Human, Some(part)) => print(&format!("{}: {}", part.display(), text(&status)))?,
+    let status = read(&arguments.out)
+        .map_err(|error| Refusal::usage(format!("{out}: the status cannot be read: {error}")))?
+        .or_else(|| read_sweep(&arguments.out))
+        .ok_or_else(|| {
+            Refusal::usage(format!(
+                "{out}: no run has written there yet; give the folder that its --out names"
+            ))
+        })?;
+    match arguments.format {
+        Format::Json => print_json(&status)?,
+        Format::Human => print(&text(&status))?,
     }
     Ok(Exit::Success)
 }
@@ -53,9 +47,10 @@ fn text(status: &RunStatus) -> String {
         }
         (RunState::Killed, _) => "killed; the same command goes on with what is missing".into(),
     };
+    let part = status.part.as_ref().map(|part| format!("{part}: ")).unwrap_or_default();
     let spent = duration(status.updated.saturating_sub(status.started) as f64);
     let mut text = format!(
-        "{state}, {spent}\n\n{}; {} under way, {waiting} waiting\n",
+        "{part}{state}, {spent}\n\n{}; {} under way, {waiting} waiting\n",
         status.summary(),
         under_way.len()
     );

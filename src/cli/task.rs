@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::model::given_by_name;
 use super::{CacheLocation, Refusal};
 use crate::ggnn::Model;
+use crate::mesh::policy::Objects;
 use crate::pipeline::sweep::{Asked, Case, Comparison, Effort, Sweep};
 use crate::pipeline::{Count, Generate, Input, Method, Pipeline, Train, is_model_file};
 use crate::stages::intake::{self, Job};
@@ -61,6 +62,26 @@ pub enum Switch {
 /// Entries of `input.generate`, and the files that were made of them.
 type Made = (Vec<Generate>, Vec<PathBuf>);
 
+/// The meshes of the inputs that were looked through last.
+#[derive(Default)]
+struct Found {
+    inputs: Vec<PathBuf>,
+    objects: Objects,
+    jobs: Vec<Job>,
+}
+
+impl Found {
+    /// Those of `inputs`, looked for unless they are these.
+    fn of(&mut self, inputs: Vec<PathBuf>, objects: Objects) -> Result<Vec<Job>, Refusal> {
+        if self.jobs.is_empty() || (&self.inputs, self.objects) != (&inputs, objects) {
+            let jobs = intake::jobs(&inputs).map_err(Refusal::usage)?;
+            let jobs = intake::into_objects(jobs, objects).map_err(Refusal::usage)?;
+            *self = Self { inputs, objects, jobs };
+        }
+        Ok(self.jobs.clone())
+    }
+}
+
 /// A pipeline with its meshes.
 #[derive(Debug)]
 pub struct Part {
@@ -87,8 +108,8 @@ impl Task {
         let sweep = Sweep::load(&self.pipeline, asked).map_err(Refusal::usage)?;
         let Sweep { comparison, cases } = sweep;
         // Most variants have the same meshes.
-        let mut made = None;
-        let parts = cases.into_iter().map(|case| self.part(case, &mut made));
+        let (mut made, mut found) = (None, Found::default());
+        let parts = cases.into_iter().map(|case| self.part(case, &mut made, &mut found));
         Ok((comparison, parts.collect::<Result<_, _>>()?))
     }
 
@@ -97,8 +118,13 @@ impl Task {
         part.variant.is_empty() && self.laid.lineage == Switch::On
     }
 
-    /// A case with its meshes; `made` are those that were generated last, and what for.
-    fn part(&self, case: Case, made: &mut Option<Made>) -> Result<Part, Refusal> {
+    /// A case with its meshes; `made` are those that were generated last, and what for, and `found` those of the last inputs.
+    fn part(
+        &self,
+        case: Case,
+        made: &mut Option<Made>,
+        found: &mut Found,
+    ) -> Result<Part, Refusal> {
         let out = self.out.join(case.folder());
         let Case { variant, seed, pipeline } = case;
         let inputs = if self.input.is_empty() {
@@ -116,8 +142,7 @@ impl Task {
         } else {
             self.input.clone()
         };
-        let jobs = intake::jobs(&inputs).map_err(Refusal::usage)?;
-        let jobs = intake::into_objects(jobs, pipeline.ingest.objects);
+        let jobs = found.of(inputs, pipeline.ingest.objects)?;
         Ok(Part { variant, seed, pipeline, jobs, out })
     }
 }

@@ -173,7 +173,7 @@ pub enum Fault {
     NoSurface { vertices: usize, triangles: usize },
 
     /// The file has no object of that name.
-    #[error("there is no object {name} with triangles in the file; {}", known(.objects))]
+    #[error("there is no object \"{name}\" with triangles in the file; {}", known(.objects))]
     NoObject { name: String, objects: Vec<String> },
     /// The mesh has edges of three and more triangles or pinched vertices, and is to have none.
     #[error(
@@ -219,9 +219,15 @@ pub enum Fault {
     TooManyInstances { limit: usize, bytes: usize },
 }
 
+/// More objects are not named.
+const NAMED: usize = 12;
+
 fn known(objects: &[String]) -> String {
     match objects {
         [] => "it is one object without a name".into(),
+        some if some.len() > NAMED => {
+            format!("it has {}, … ({} in all)", some[..NAMED].join(", "), some.len())
+        }
         some => format!("it has {}", some.join(", ")),
     }
 }

@@ -1,21 +1,13 @@
-//! From a file to the canonical mesh, with everything that is to be said about the way.
-//!
-//! ```no_run
-//! let ingested = chladni::mesh::ingest::load("bunny.obj".as_ref())?;
-//! println!("{} vertices, {}", ingested.mesh.n(), ingested.mesh.hash());
-//! # Ok::<(), chladni::mesh::MeshError>(())
-//! ```
+//! From what a file says to the canonical mesh, with everything that is to be said about the way.
 
-use std::path::Path;
-
-use super::error::MeshError;
-use super::objects::Opened;
+use super::error::Failure;
+use super::raw::RawMesh;
 use super::read::format::Format;
-use super::repair::Repairs;
+use super::repair::{Repaired, Repairs, repair};
 use super::topology::Topology;
 use super::trimesh::TriMesh;
 
-/// A file as a mesh.
+/// A file as a mesh, or one of its objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ingested {
     /// The canonical mesh.
@@ -23,8 +15,11 @@ pub struct Ingested {
     /// For each vertex of the file its row in `mesh`, or −1 where it was dropped. The vertices of an OBJ file
     /// are its `v` lines; those of OFF, PLY, VTK and VTP files are their lists of vertices or points; those of an STL
     /// file are the corners of its facets, three a facet; those of a glTF file are the elements of its position
-    /// accessors, mesh by mesh in the order of the scene, each accessor once a node.
+    /// accessors, mesh by mesh in the order of the scene, each accessor once a node. Of an object: for each vertex of
+    /// `file_vertices`.
     pub vertex_map: Vec<i64>,
+    /// Of an object: the vertices of the file that its triangles name, in the order of the file.
+    pub file_vertices: Option<Vec<u32>>,
     /// What was changed on the way.
     pub repairs: Repairs,
     /// What kind of surface it is.
@@ -33,19 +28,21 @@ pub struct Ingested {
     pub format: Format,
 }
 
-/// Reads the file at `path`, all of it as one mesh. [`Opened`] tells its objects apart.
-///
-/// # Errors
-/// When the file cannot be read, is no mesh, or has nothing that repair can keep: see [`Fault`](super::Fault).
-pub fn load(path: &Path) -> Result<Ingested, MeshError> {
-    Opened::read(path)?.whole()
-}
-
-/// Reads a file whose content is already here. `path` names it in messages, gives its extension, and says
-/// where the buffers of a `.gltf` are looked for.
-///
-/// # Errors
-/// As [`load`].
-pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Ingested, MeshError> {
-    Opened::of_bytes(path, bytes)?.whole()
+impl Ingested {
+    /// The mesh of what a file says, or of a part of it, which has these vertices of the file.
+    pub(super) fn of(
+        raw: &RawMesh,
+        format: Format,
+        file_vertices: Option<Vec<u32>>,
+    ) -> Result<Self, Failure> {
+        let Repaired { mesh, vertex_map, repairs } = repair(raw)?;
+        tracing::debug!(
+            vertices = mesh.n(),
+            faces = mesh.faces().len(),
+            mended = !repairs.is_empty(),
+            "mesh read"
+        );
+        let topology = Topology::of(&mesh);
+        Ok(Self { mesh, vertex_map, file_vertices, repairs, topology, format })
+    }
 }

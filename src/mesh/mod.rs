@@ -7,8 +7,8 @@
 //! - [`closest`]: the point of a surface closest to a point of space
 //! - [`geodesic`]: distances along the surface
 //! - [`subdivide`]: every triangle becomes four
-//! - [`ingest`]: from a file to all of these
-//! - [`objects`]: the way there, through `read` (one file a format), `raw` and [`repair`], of all of a file or of one of its objects
+//! - [`opened`]: a file that was read, by `read` (one file a format) as `raw`; [`ingest`]: all of it, or one of its objects, as all
+//!   of these, through [`repair`]
 //! - [`policy`]: which meshes are turned away
 //! - [`error`]: why a file did not become a mesh
 //! - [`sample`]: surfaces with known spectra
@@ -18,7 +18,7 @@ pub mod error;
 pub mod geodesic;
 pub mod hash;
 pub mod ingest;
-pub mod objects;
+pub mod opened;
 pub mod policy;
 mod raw;
 mod read;
@@ -31,8 +31,8 @@ pub mod trimesh;
 
 pub use error::{Fault, MeshError, Place};
 pub use hash::MeshHash;
-pub use ingest::{Ingested, load, load_bytes};
-pub use objects::Opened;
+pub use ingest::Ingested;
+pub use opened::{Opened, load, load_bytes};
 pub use policy::IngestOptions;
 pub use read::format::Format;
 pub use read::gltf::companions;

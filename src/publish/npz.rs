@@ -13,6 +13,7 @@
 //! | `k`          | int64   | (K,)  | 1 … K                                                          |
 //! | `schema`     | str     | ()    | `chladni-eigen-1`                                              |
 //! | `vertex_map` | int64   | (N,)  | for each vertex of the input file its row above, or −1         |
+//! | `file_vertices` | int64 | (N,) | of an object of the file only: its N vertices there, which `vertex_map` is then of |
 //!
 //! Indices are int64 because that is numpy's own index type: it goes into any indexing and into sparse matrices
 //! without a conversion, and differences of indices do not wrap. Equal input gives equal bytes.
@@ -38,6 +39,8 @@ pub struct EigenArrays<'a> {
     pub mass_kind: MassKind,
     /// For each vertex of the input file its row, or −1.
     pub vertex_map: &'a [i64],
+    /// Where the mesh is an object of the file: which of the vertices there `vertex_map` is of.
+    pub file_vertices: Option<&'a [u32]>,
 }
 
 impl EigenArrays<'_> {
@@ -61,6 +64,9 @@ impl EigenArrays<'_> {
         npz.integers("k", &[k], 1..=k as i64);
         npz.text("schema", SCHEMA);
         npz.integers("vertex_map", &[self.vertex_map.len()], self.vertex_map.iter().copied());
+        if let Some(of_file) = self.file_vertices {
+            npz.integers("file_vertices", &[of_file.len()], of_file.iter().map(|&v| v.into()));
+        }
         npz.into_bytes()
     }
 }
@@ -93,6 +99,7 @@ mod tests {
             mass: &row_sums(&Operators::assemble(&mesh, kind).unwrap().mass),
             mass_kind: kind,
             vertex_map: &[1, -1, 0],
+            file_vertices: None,
         }
         .to_npz()
     }

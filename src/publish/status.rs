@@ -40,6 +40,9 @@ pub struct RunStatus {
     /// The folder that it keeps current; absent for a run over a list.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watches: Option<String>,
+    /// Of a sweep: the folder of the variant and seed, below that of the sweep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
     /// All meshes.
     pub meshes: usize,
     /// Those whose eigenpairs passed.
@@ -176,37 +179,23 @@ pub fn read(out: &Path) -> io::Result<Option<RunStatus>> {
     Ok(Some(status))
 }
 
-/// Of a sweep, whose variants and seeds have folders below `out`: the folder of the one that was under way last, and its status.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_sweep(out: &Path) -> io::Result<Option<(PathBuf, RunStatus)>> {
-    let mut latest: Option<(PathBuf, RunStatus)> = None;
-    for variant in folders(out)? {
-        for seed in folders(&variant)? {
-            let Some(status) = read(&seed)? else { continue };
-            let is_later = |(_, last): &(PathBuf, RunStatus)| {
-                (status.state == RunState::Running, status.updated)
-                    >= (last.state == RunState::Running, last.updated)
-            };
-            if latest.as_ref().is_none_or(is_later) {
-                latest = Some((seed.strip_prefix(out).unwrap_or(&seed).to_owned(), status));
-            }
-        }
-    }
-    Ok(latest)
+/// Of a sweep, whose variants and seeds have folders below `out`: the status of the one that is under way, or was last. Folders
+/// that tell of no run are passed over.
+pub fn read_sweep(out: &Path) -> Option<RunStatus> {
+    let seeds = folders(out).flat_map(|variant| folders(&variant));
+    let of_seed = |seed: PathBuf| {
+        let status = read(&seed).ok().flatten()?;
+        let written = std::fs::metadata(seed.join(FILE)).and_then(|file| file.modified()).ok();
+        let part = seed.strip_prefix(out).unwrap_or(&seed).display().to_string();
+        Some((written, RunStatus { part: Some(part), ..status }))
+    };
+    let last = seeds.filter_map(of_seed);
+    Some(last.max_by_key(|(written, status)| (status.state == RunState::Running, *written))?.1)
 }
 
-/// Those in a folder, by name.
-fn folders(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let entries = match std::fs::read_dir(folder) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries?,
-    };
-    let paths = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
-    let mut folders: Vec<PathBuf> = paths.into_iter().filter(|path| path.is_dir()).collect();
-    folders.sort();
-    Ok(folders)
+fn folders(folder: &Path) -> impl Iterator<Item = PathBuf> + use<> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| path.is_dir())
 }
 
 fn is_held(out: &Path) -> io::Result<bool> {
@@ -234,6 +223,7 @@ mod tests {
             started: 2,
             updated: 3,
             watches: None,
+            part: None,
             meshes: 4,
             verified: 1,
             unverified: 0,

@@ -151,6 +151,7 @@ impl Board {
             started: self.started,
             updated: unix_now(),
             watches: self.watches.clone(),
+            part: None,
             meshes,
             verified: with(Status::Verified),
             unverified: with(Status::Unverified),

@@ -110,7 +110,7 @@ impl TrainingSet {
         self.family.members.len()
     }
 
-    /// The family on finer samplings, where the heads of a shared trunk are solved for the last time; `None` where they keep
+    /// The family on finer samplings, where the heads of trunks are solved for the last time; `None` where they keep
     /// those of training.
     ///
     /// # Errors

@@ -127,8 +127,14 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
     jobs.retain(|job| {
         files.insert(job.source.canonicalize().unwrap_or_else(|_| job.source.clone()))
     });
+    check_names(&jobs)?;
+    Ok(jobs)
+}
+
+/// Whether every mesh has a folder of its own for its results.
+fn check_names(jobs: &[Job]) -> Result<(), IntakeError> {
     let mut seen: BTreeMap<&str, &Path> = BTreeMap::new();
-    for job in &jobs {
+    for job in jobs {
         if let Some(first) = seen.insert(&job.name, &job.source) {
             return Err(IntakeError::Clash {
                 first: first.into(),
@@ -137,7 +143,7 @@ pub fn jobs(inputs: &[PathBuf]) -> Result<Vec<Job>, IntakeError> {
             });
         }
     }
-    Ok(jobs)
+    Ok(())
 }
 
 /// The meshes of an input that is no list.

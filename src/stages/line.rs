@@ -10,6 +10,7 @@ use tokio::task::JoinSet;
 use super::context::Context;
 use super::inherit::{Way, inherit};
 use super::intake::Job;
+use super::verify::Verified;
 use super::weight::Weights;
 use super::{
     Failure, assemble, candidates, family, ingest, publish, refine, remesh, train, tune, verify,
@@ -137,7 +138,12 @@ fn chain(
         }
     };
     let publishing = c();
-    verified.then(move |item, verified| publish::publish(&publishing, item, verified)).end()
+    verified
+        .then(move |item, verified: Verified| {
+            publish::withdraw_otherwise_cut(&publishing, &verified.assembled.loaded.job)?;
+            publish::publish(&publishing, item, verified)
+        })
+        .end()
 }
 
 /// A stage of training, which meshes go through untouched that are settled without one.
@@ -156,6 +162,7 @@ pub fn failed(context: &Context, job: &Job, failure: Failure, interrupted: bool)
     };
     if !matches!(failure, Failure::Interrupted | Failure::NotStarted)
         && let Err(error) = publish::withdraw(&context.out.join(&job.name), None)
+            .and_then(|()| publish::withdraw_otherwise_cut(context, job))
     {
         tracing::warn!(mesh = job.name, "earlier results could not be withdrawn: {error}");
     }

@@ -153,7 +153,12 @@ pub fn version_key<V: Artifact>(pipeline: &Pipeline, mesh: &MeshHash) -> CacheKe
 fn path_key(pipeline: &Pipeline, loaded: &Loaded) -> Option<CacheKey> {
     let path = loaded.job.source.canonicalize().ok()?;
     let key = under(PathArtifact::key(), pipeline);
-    Some(key.param("path", path.as_os_str().as_encoded_bytes()).finish(0, ""))
+    let key = key.param("path", path.as_os_str().as_encoded_bytes());
+    let key = match &loaded.job.object {
+        None => key,
+        Some(object) => key.param("object", object.as_bytes()),
+    };
+    Some(key.finish(0, ""))
 }
 
 /// What results depend on besides the mesh: with trunks of their own, and with solved pairs, not on K.

@@ -41,6 +41,13 @@ impl LastOpened {
     }
 }
 
+impl LastOpened {
+    /// It is not wanted again soon.
+    pub fn forget(&self) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -11,6 +11,7 @@ use super::Failure;
 use super::candidates::{Grown, Origin};
 use super::context::Context;
 use super::ingest::Loaded;
+use super::intake::Job;
 use super::predict::Predicted;
 use super::train::{TrainedBlock, named};
 use super::verify::{Deviations, Verified};
@@ -144,12 +145,10 @@ fn write(
     let descriptors = descriptors(context, &pairs, &mass, mesh.area())?;
     let document = spectrum.to_json();
     withdraw(&folder, Some(&document))?;
-    if loaded.job.object.is_some() {
-        // Of a time when the file was one mesh.
-        withdraw(&context.out.join(loaded.job.file_name()), None)?;
-    }
     let vertex_map = &ingested.vertex_map;
-    let arrays = EigenArrays { mesh, pairs: &pairs, mass: &mass, mass_kind, vertex_map };
+    let file_vertices = ingested.file_vertices.as_deref();
+    let (pairs, mass) = (&pairs, &*mass);
+    let arrays = EigenArrays { mesh, pairs, mass, mass_kind, vertex_map, file_vertices };
     let exported = export::Results { arrays, spectrum: &spectrum, operators: operators.as_deref() };
     for format in ExportFormat::ALL {
         match context.pipeline.publish.writes(format) {
@@ -167,7 +166,7 @@ fn write(
     let page = folder.join(PAGE);
     if context.pipeline.publish.report == Pages::Written {
         let (name, reason) = (&*loaded.job.name, reason.as_deref());
-        let (pairs, spectrum, record, curves) = (&pairs, &spectrum, &record, &*curves);
+        let (spectrum, record, curves) = (&spectrum, &record, &*curves);
         let page_of_mesh = MeshPage { name, mesh, pairs, spectrum, record, reason, curves };
         write_if_changed(&page, page_of_mesh.to_html().as_bytes())?;
     } else {
@@ -235,7 +234,28 @@ const SPECTRUM: &str = "spectrum.json";
 pub fn withdraw(folder: &Path, current: Option<&[u8]>) -> Result<(), PublishError> {
     let path = folder.join(SPECTRUM);
     let earlier = std::fs::read(&path).ok();
-    if earlier.is_some() && earlier.as_deref() != current { remove(&path) } else { Ok(()) }
+    if earlier.is_none() || earlier.as_deref() == current {
+        return Ok(());
+    }
+    remove(&path)?;
+    remove(&folder.join(PAGE))
+}
+
+/// Takes back results of a time when the file of a mesh was cut otherwise: those of all of it where its objects are meshes of their own,
+/// those of its objects where all of it is one.
+///
+/// # Errors
+/// When the system refuses.
+pub fn withdraw_otherwise_cut(context: &Context, job: &Job) -> Result<(), PublishError> {
+    let folder = context.out.join(job.file_name());
+    match job.object {
+        Some(_) => withdraw(&folder, None),
+        None => {
+            let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+            let below = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
+            below.map(|entry| entry.path()).try_for_each(|object| withdraw(&object, None))
+        }
+    }
 }
 
 /// Removes the results of a mesh from the output folder `out`, and the folders that are empty then.

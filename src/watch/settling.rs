@@ -31,6 +31,16 @@ pub enum Change {
     Gone(PathBuf),
 }
 
+impl Change {
+    /// The file, if it is ready to be read.
+    pub fn ready(&self) -> Option<&PathBuf> {
+        match self {
+            Self::Ready(path, _) => Some(path),
+            Self::Moving(_) | Self::Gone(_) => None,
+        }
+    }
+}
+
 /// All files that were seen, and how far they are.
 #[derive(Debug, Default)]
 pub struct Settling {

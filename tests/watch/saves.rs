@@ -225,3 +225,35 @@ fn objects_of_a_file_come_change_and_go() {
     assert!(is_deleted(&said, "scene.obj/head") && is_deleted(&said, "scene.obj/tail"));
     assert!(!watched.workspace.path("out/scene.obj").exists());
 }
+
+#[test]
+fn an_object_that_fails_is_tried_again_alone_and_a_bad_moment_deletes_nothing() {
+    let pipeline =
+        FEM.to_owned() + "[ingest]\nobjects = \"split\"\n[publish]\non_delete = \"remove\"\n";
+    let sound = scene(&[("head", 1.3), ("body", 1.7)]);
+    let thin = "o thin\nv 0 0 0\nv 1 0 0\nv 2 0 0\nf -3 -2 -1\n";
+    // Whichever of them the names put first.
+    for name in ["a", "thin"] {
+        let text = sound.clone() + &thin.replace("thin", name);
+        let workspace = Workspace::new(&pipeline);
+        workspace.write("meshes/scene.obj", &text);
+        let watched = Watched::start(workspace, &[]);
+        std::thread::sleep(Duration::from_secs(2));
+        let again: Vec<Happened> = watched.heard.try_iter().collect();
+        assert!(names_of_done(&again).is_empty(), "{again:#?}");
+
+        // Half a file, and then all of it.
+        watched.workspace.write("meshes/scene.obj", "o head\nv 0 0\n");
+        let said = watched
+            .until(|it| matches!(it, Happened::Failed { path, .. } if path.ends_with("body")));
+        let is_deleted = |it: &Happened| matches!(it, Happened::Deleted { .. });
+        assert!(!said.iter().any(is_deleted), "{said:#?}");
+        let results = |name: &str| watched.workspace.path("out/scene.obj").join(name);
+        assert!(!results("body/spectrum.json").exists() && results("body/eigen.npz").exists());
+        watched.workspace.write("meshes/scene.obj", &sound);
+        watched.until(|it| matches!(it, Happened::Done { path, .. } if path.ends_with("body")));
+        watched.until_idle();
+        watched.is_current("scene.obj/head", &ellipsoid(1.3));
+        watched.is_current("scene.obj/body", &ellipsoid(1.7));
+    }
+}

@@ -69,7 +69,7 @@ pub fn page(info: &Info<'_>) -> String {
 }
 
 /// The first few names.
-fn listed(names: &[String]) -> String {
+pub fn listed(names: &[String]) -> String {
     let more = if names.len() > NAMED { ", …" } else { "" };
     names[..names.len().min(NAMED)].join(", ") + more
 }

@@ -23,6 +23,13 @@ impl Fixture {
 
     pub fn arrays(&self) -> EigenArrays<'_> {
         let (mesh, pairs, mass) = (&self.mesh, &self.pairs, &self.mass);
-        EigenArrays { mesh, pairs, mass, mass_kind: MassKind::Lumped, vertex_map: &[0, -1] }
+        EigenArrays {
+            mesh,
+            pairs,
+            mass,
+            mass_kind: MassKind::Lumped,
+            vertex_map: &[0, -1],
+            file_vertices: None,
+        }
     }
 }

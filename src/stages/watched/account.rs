@@ -42,6 +42,8 @@ struct Known {
     hash: Option<MeshHash>,
     /// Its last failure, which is told once.
     complaint: Option<String>,
+    /// It is tried again after that.
+    again: bool,
 }
 
 impl<'t> Account<'t> {
@@ -93,6 +95,11 @@ impl<'t> Account<'t> {
         self.unsaid.remove(file)
     }
 
+    /// Whether a mesh could not be processed, and is to be tried again as it is.
+    pub fn is_tried_again(&self, name: &str) -> bool {
+        self.known.get(name).is_some_and(|known| known.again)
+    }
+
     /// Whether there is such a mesh.
     pub fn knows(&self, name: &str) -> bool {
         self.known.contains_key(name)
@@ -106,7 +113,8 @@ impl<'t> Account<'t> {
         }
         self.departed.is_back(&job.name);
         let hash = known.and_then(|known| known.hash);
-        let known = Known { job: job.clone(), stamp: stamp.clone(), hash, complaint: None };
+        let known =
+            Known { job: job.clone(), stamp: stamp.clone(), hash, complaint: None, again: false };
         self.known.insert(job.name.clone(), known);
         if !unsaid {
             self.say(&Happened::Ready { path: job.name.clone() });
@@ -150,7 +158,7 @@ impl<'t> Account<'t> {
         self.reports.insert(job.name.clone(), report.clone());
         let before = self.known.get(&job.name).and_then(|known| known.hash);
         if let Some(known) = self.known.get_mut(&job.name) {
-            (known.hash, known.complaint) = (report.hash, None);
+            (known.hash, known.complaint, known.again) = (report.hash, None, false);
         }
         // What was there before did not come from elsewhere.
         let is_new = |hash: &MeshHash| Some(*hash) != before;
@@ -172,6 +180,7 @@ impl<'t> Account<'t> {
         self.ended.meshes.insert(path.clone(), Status::Failed);
         let reason = reason.unwrap_or_default();
         let Some(known) = self.known.get_mut(&path) else { return };
+        known.again = again;
         // Once: it may be tried a hundred times.
         if known.complaint.as_ref() != Some(&reason) {
             known.complaint = Some(reason.clone());

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
@@ -238,10 +239,11 @@ impl House<'_> {
         if as_before {
             known.into_iter().for_each(|(job, stamp)| desk.put(job, stamp));
         } else {
-            let files: HashMap<_, _> =
-                known.into_iter().map(|(job, stamp)| (job.source, stamp)).collect();
+            let files = known.into_iter().map(|(job, stamp)| (job.source, stamp));
+            let files: BTreeMap<_, _> = files.collect();
+            let mut jobs = self.jobs_of(files.keys().cloned().collect()).await;
             for (source, stamp) in files {
-                let jobs = self.jobs_of(&source).await;
+                let jobs = jobs.remove(&source).unwrap_or_default();
                 self.is_whole(source, jobs, stamp, &context, &mut desk, &mut begun);
             }
         }
@@ -278,8 +280,10 @@ impl House<'_> {
                     let polled = silent.map(|silent| silent.to_string());
                     self.account.say(&Happened::Watching { folder, meshes, polled });
                 }
+                let ready = changes.iter().filter_map(Change::ready).cloned().collect();
+                let mut jobs = self.jobs_of(ready).await;
                 for change in changes {
-                    self.take_note(change, is_first, &context, &mut desk, &mut begun).await;
+                    self.take_note(change, &mut jobs, is_first, &context, &mut desk, &mut begun);
                 }
                 context.board.expects(self.meshes());
             }
@@ -290,6 +294,7 @@ impl House<'_> {
             self.account.settle_departed(Instant::now(), all_is_read);
             if all_is_read {
                 context.board.rests();
+                context.opened.forget();
                 self.is_current().await;
                 if self.watch.once {
                     break Ok(Next::End);
@@ -346,7 +351,8 @@ impl House<'_> {
             let path = folder.join(&name);
             // An object of a file that is still there is gone only when the file has no such object any more.
             let mut above = path.ancestors().skip(1).take_while(|above| above != folder);
-            match above.find(|above| above.is_file()).map(Path::to_owned) {
+            let file = above.find(|above| above.is_file()).map(Path::to_owned);
+            match file.or_else(|| path.is_file().then(|| path.clone())) {
                 Some(file) => self.parts.entry(file).or_default().push(name),
                 None => files.push(path),
             }
@@ -369,14 +375,37 @@ impl House<'_> {
         self.seen.len() + self.parts.values().map(|names| names.len() - 1).sum::<usize>()
     }
 
-    /// The meshes of a file.
-    async fn jobs_of(&self, source: &Path) -> Vec<Job> {
-        let whole = Job::whole(source.into(), self.name_of(source));
+    /// The meshes of files, by file. Of one that cannot be read they are what they were: each fails with the reason.
+    async fn jobs_of(&self, sources: Vec<PathBuf>) -> HashMap<PathBuf, Vec<Job>> {
+        let whole = |source: PathBuf| {
+            let job = Job::whole(source.clone(), self.name_of(&source));
+            (source, job)
+        };
+        let files = sources.into_iter().map(whole);
         if self.objects == Objects::Merge {
-            return vec![whole];
+            return files.map(|(source, job)| (source, vec![job])).collect();
         }
-        let job = whole.clone();
-        tokio::task::spawn_blocking(|| apart(job)).await.unwrap_or_else(|_| vec![whole])
+        let known = |(source, job): (PathBuf, Job)| {
+            let names = self.parts.get(&source).map_or(&[][..], Vec::as_slice);
+            let objects = names.iter().filter_map(|name| {
+                let object = name.strip_prefix(&job.name)?.strip_prefix('/')?;
+                Some(Job::object(source.clone(), &job.name, object.into()))
+            });
+            let objects: Vec<Job> = objects.collect();
+            let otherwise = if objects.is_empty() { vec![job.clone()] } else { objects };
+            (source, job, otherwise)
+        };
+        let files: Vec<_> = files.map(known).collect();
+        let cancel = self.watch.cancel.clone();
+        let read = tokio::task::spawn_blocking(move || {
+            let of_file = |(source, job, otherwise): (PathBuf, Job, Vec<Job>)| {
+                let is_over = cancel.is_cancelled();
+                let objects = if is_over { None } else { apart(&job).ok() };
+                (source, objects.unwrap_or(otherwise))
+            };
+            files.into_par_iter().map(of_file).collect()
+        });
+        read.await.unwrap_or_default()
     }
 
     fn name_of(&self, source: &Path) -> String {
@@ -453,9 +482,10 @@ impl House<'_> {
         }
     }
 
-    async fn take_note(
+    fn take_note(
         &mut self,
         change: Change,
+        jobs: &mut HashMap<PathBuf, Vec<Job>>,
         is_first: bool,
         context: &Context,
         desk: &mut Desk,
@@ -464,7 +494,7 @@ impl House<'_> {
         match change {
             Change::Moving(source) => self.account.moves(self.name_of(&source), is_first),
             Change::Ready(source, stamp) => {
-                let jobs = self.jobs_of(&source).await;
+                let jobs = jobs.remove(&source).unwrap_or_default();
                 self.is_whole(source, jobs, stamp, context, desk, begun);
             }
             Change::Gone(source) => {
@@ -500,6 +530,9 @@ impl House<'_> {
         for job in jobs {
             if self.account.is_ready(&job, &stamp, unsaid) {
                 self.give_up(&job.name, context, begun);
+            } else if job.object.is_some() && !self.account.is_tried_again(&job.name) {
+                // It is another object of the file that is tried again.
+                continue;
             }
             desk.put(job, stamp.clone());
         }
@@ -552,8 +585,11 @@ impl House<'_> {
             Ok(report) => {
                 context.board.ends(item, &job.name, Some(report.status));
                 desk.is_done(&job.name);
-                self.settling.read(&job.source, &stamp);
                 self.account.is_done(&job, &stamp, &report);
+                let objects = self.parts.get(&job.source).into_iter().flatten();
+                if !objects.clone().any(|name| self.account.is_tried_again(name)) {
+                    self.settling.read(&job.source, &stamp);
+                }
             }
             Err(Failure::Superseded | Failure::Interrupted) => {
                 context.board.ends(item, &job.name, None);
