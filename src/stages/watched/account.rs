@@ -100,11 +100,6 @@ impl<'t> Account<'t> {
         self.known.get(name).is_some_and(|known| known.again)
     }
 
-    /// Whether there is such a mesh.
-    pub fn knows(&self, name: &str) -> bool {
-        self.known.contains_key(name)
-    }
-
     /// A mesh is whole, and that is said unless `unsaid`. Whether it is another than it was: one may also be tried again.
     pub fn is_ready(&mut self, job: &Job, stamp: &Stamp, unsaid: bool) -> bool {
         let known = self.known.get(&job.name);

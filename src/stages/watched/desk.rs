@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::intake::Job;
+use crate::stages::intake::Job;
 use crate::watch::stamp::Stamp;
 
 /// A mesh that waits for its turn.

@@ -7,9 +7,16 @@
 //! a change too. A mesh that is saved again while it is worked on ends at the next opportunity; blocks that were trained
 //! by then are what its new version begins with ([`super::lineage`]).
 
+//!
+//! - `scan`: what the folder looks like; `parts`: which meshes its files are
+//! - `tasks`: what waits and what is under way; `desk`: which of them is next
+//! - `account`: what became of each mesh, and what is said of that
+
 mod account;
 mod desk;
+mod parts;
 mod scan;
+mod tasks;
 
 use std::collections::{BTreeMap, HashMap};
 use std::io;
@@ -18,23 +25,23 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use account::Account;
-use desk::{Desk, Waiting};
+use desk::Waiting;
+use parts::Parts;
 use scan::{Seen, scan};
+use tasks::{Begun, Tasks};
 
 use super::board::{self, Board};
 use super::context::Context;
-use super::intake::{self, Job, apart};
+use super::intake::Job;
 use super::line::{Line, failed};
 use super::predict::GivenModel;
 use super::{Failure, retention};
 use crate::descriptors::Descriptor;
 use crate::flow::{EventSink, Outcome};
-use crate::mesh::policy::Objects;
 use crate::pipeline::{OnDelete, Pipeline};
 use crate::publish::export::shape_dna;
 use crate::publish::kept_current::KeptCurrent;
@@ -105,7 +112,7 @@ pub async fn watch(
     // Looked at before it is read: a change in between is seen.
     let used = source.file().and_then(|file| Stamp::of(file, Vec::new()).ok());
     let (mut pipeline, mut model) = source.read().map_err(WatchError::Pipeline)?;
-    let account = Account::new(&watch.out, tell);
+    let (account, parts) = (Account::new(&watch.out, tell), Parts::new(&watch.folder));
     let mut house = House {
         watch,
         hints,
@@ -116,8 +123,7 @@ pub async fn watch(
         seen: Seen::new(),
         complaint: None,
         account,
-        objects: pipeline.ingest.objects,
-        parts: BTreeMap::new(),
+        parts,
         compares: false,
     };
     loop {
@@ -174,16 +180,6 @@ enum Look {
     Regular,
 }
 
-fn is_busy(begun: &HashMap<usize, Begun>, name: &str) -> bool {
-    begun.values().any(|begun| begun.waiting.job.name == name)
-}
-
-/// A mesh on the line.
-struct Begun {
-    waiting: Waiting,
-    is_wanted: bool,
-}
-
 /// Before a folder that could not be searched is looked at again.
 const UNREADABLE: Duration = Duration::from_secs(1);
 
@@ -205,10 +201,7 @@ struct House<'t> {
     /// Why the folder could not be searched, which is told once.
     complaint: Option<String>,
     account: Account<'t>,
-    /// Whether the objects of a file are meshes of their own.
-    objects: Objects,
-    /// What the meshes of such files are called.
-    parts: BTreeMap<PathBuf, Vec<String>>,
+    parts: Parts,
     /// Whether there is a table of all fingerprints.
     compares: bool,
 }
@@ -222,11 +215,10 @@ impl House<'_> {
         source: &dyn Source,
     ) -> Result<Next, WatchError> {
         let removes = pipeline.publish.on_delete == OnDelete::Remove;
-        let mut desk = Desk::default();
+        let mut tasks = Tasks::default();
         // Under another pipeline every mesh is looked at again.
         let known: Vec<_> = self.account.begins(removes).collect();
-        let as_before = self.objects == pipeline.ingest.objects;
-        self.objects = pipeline.ingest.objects;
+        let is_cut_otherwise = self.parts.cut(pipeline.ingest.objects);
         self.compares = pipeline.publish.descriptors.contains(&Descriptor::ShapeDna);
         self.remember_the_last_watch(removes);
         let cancel = self.watch.cancel.child_token();
@@ -235,17 +227,15 @@ impl House<'_> {
         let teller = tokio::spawn(board::tell(context.clone(), told.clone()));
         let (line, entrance, mut outcomes) =
             Line::start(&context, self.watch.workers, self.watch.memory)?;
-        let (mut begun, mut next_item) = (HashMap::<usize, Begun>::new(), 0);
-        if as_before {
-            known.into_iter().for_each(|(job, stamp)| desk.put(job, stamp));
-        } else {
+        if is_cut_otherwise {
             let files = known.into_iter().map(|(job, stamp)| (job.source, stamp));
             let files: BTreeMap<_, _> = files.collect();
-            let mut jobs = self.jobs_of(files.keys().cloned().collect()).await;
+            let mut jobs = self.jobs(files.keys()).await;
             for (source, stamp) in files {
-                let jobs = jobs.remove(&source).unwrap_or_default();
-                self.is_whole(source, jobs, stamp, &context, &mut desk, &mut begun);
+                self.is_whole(&source, stamp, &mut jobs, &context, &mut tasks);
             }
+        } else {
+            known.into_iter().for_each(|(job, stamp)| tasks.put(job, stamp));
         }
         let mut entering = JoinSet::new();
         // Every look is followed by a pause, whatever hints come meanwhile.
@@ -274,23 +264,19 @@ impl House<'_> {
                 if is_news && why == Look::Regular && !is_first {
                     self.hints.missed_something();
                 }
-                context.board.expects(self.meshes());
+                context.board.expects(self.parts.count(&self.seen));
                 if let Some(silent) = self.silent.take() {
-                    let (folder, meshes) = (self.folder(), self.meshes());
+                    let (folder, meshes) = (self.folder(), self.parts.count(&self.seen));
                     let polled = silent.map(|silent| silent.to_string());
                     self.account.say(&Happened::Watching { folder, meshes, polled });
                 }
-                let ready = changes.iter().filter_map(Change::ready).cloned().collect();
-                let mut jobs = self.jobs_of(ready).await;
+                let mut jobs = self.jobs(changes.iter().filter_map(Change::ready)).await;
                 for change in changes {
-                    self.take_note(change, &mut jobs, is_first, &context, &mut desk, &mut begun);
+                    self.take_note(change, is_first, &mut jobs, &context, &mut tasks);
                 }
-                context.board.expects(self.meshes());
+                context.board.expects(self.parts.count(&self.seen));
             }
-            let all_is_read = self.silent.is_none()
-                && desk.is_empty()
-                && begun.is_empty()
-                && self.settling.is_quiet();
+            let all_is_read = self.silent.is_none() && tasks.is_empty() && self.settling.is_quiet();
             self.account.settle_departed(Instant::now(), all_is_read);
             if all_is_read {
                 context.board.rests();
@@ -307,15 +293,13 @@ impl House<'_> {
                 biased;
                 () = self.watch.cancel.cancelled() => break Ok(Next::End),
                 Some(outcome) = outcomes.recv() => {
-                    self.settle(outcome, &context, &mut desk, &mut begun);
+                    self.settle(outcome, &context, &mut tasks);
                 }
                 // Chosen only when there is a place, as the newest one then.
-                place = entrance.place(), if desk.has_free(|name| is_busy(&begun, name)) => {
-                    let Some(waiting) = desk.take(|name| is_busy(&begun, name)) else { continue };
-                    let (entrance, item, job) = (entrance.clone(), next_item, waiting.job.clone());
+                place = entrance.place(), if tasks.has_next() => {
+                    let Some((item, job)) = tasks.begin() else { continue };
+                    let entrance = entrance.clone();
                     entering.spawn(async move { entrance.enter(place, item, job).await });
-                    begun.insert(item, Begun { waiting, is_wanted: true });
-                    next_item += 1;
                 }
                 Some(_) = entering.join_next() => {}
                 () = tokio::time::sleep_until(pause_until.into()), if look.is_some() => {}
@@ -329,7 +313,7 @@ impl House<'_> {
         entering.shutdown().await;
         drop(entrance);
         while let Some(outcome) = outcomes.recv().await {
-            self.settle(outcome, &context, &mut desk, &mut begun);
+            self.settle(outcome, &context, &mut tasks);
         }
         line.end().await;
         told.cancel();
@@ -346,18 +330,9 @@ impl House<'_> {
         if !removes || self.silent.is_none() {
             return;
         }
-        let mut files = Vec::new();
-        for name in KeptCurrent::last(out, folder) {
-            let path = folder.join(&name);
-            // An object of a file that is still there is gone only when the file has no such object any more.
-            let mut above = path.ancestors().skip(1).take_while(|above| above != folder);
-            let file = above.find(|above| above.is_file()).map(Path::to_owned);
-            match file.or_else(|| path.is_file().then(|| path.clone())) {
-                Some(file) => self.parts.entry(file).or_default().push(name),
-                None => files.push(path),
-            }
-        }
-        files.extend(self.parts.keys().cloned());
+        // An object of a file that is still there is gone only when the file has no such object any more.
+        let last = KeptCurrent::last(out, folder).into_iter();
+        let files: Vec<PathBuf> = last.map(|name| self.parts.remember(name)).collect();
         self.settling.remembers(Instant::now(), files);
     }
 
@@ -370,46 +345,9 @@ impl House<'_> {
         }
     }
 
-    /// How many meshes there are, as far as is known.
-    fn meshes(&self) -> usize {
-        self.seen.len() + self.parts.values().map(|names| names.len() - 1).sum::<usize>()
-    }
-
-    /// The meshes of files, by file. Of one that cannot be read they are what they were: each fails with the reason.
-    async fn jobs_of(&self, sources: Vec<PathBuf>) -> HashMap<PathBuf, Vec<Job>> {
-        let whole = |source: PathBuf| {
-            let job = Job::whole(source.clone(), self.name_of(&source));
-            (source, job)
-        };
-        let files = sources.into_iter().map(whole);
-        if self.objects == Objects::Merge {
-            return files.map(|(source, job)| (source, vec![job])).collect();
-        }
-        let known = |(source, job): (PathBuf, Job)| {
-            let names = self.parts.get(&source).map_or(&[][..], Vec::as_slice);
-            let objects = names.iter().filter_map(|name| {
-                let object = name.strip_prefix(&job.name)?.strip_prefix('/')?;
-                Some(Job::object(source.clone(), &job.name, object.into()))
-            });
-            let objects: Vec<Job> = objects.collect();
-            let otherwise = if objects.is_empty() { vec![job.clone()] } else { objects };
-            (source, job, otherwise)
-        };
-        let files: Vec<_> = files.map(known).collect();
-        let cancel = self.watch.cancel.clone();
-        let read = tokio::task::spawn_blocking(move || {
-            let of_file = |(source, job, otherwise): (PathBuf, Job, Vec<Job>)| {
-                let is_over = cancel.is_cancelled();
-                let objects = if is_over { None } else { apart(&job).ok() };
-                (source, objects.unwrap_or(otherwise))
-            };
-            files.into_par_iter().map(of_file).collect()
-        });
-        read.await.unwrap_or_default()
-    }
-
-    fn name_of(&self, source: &Path) -> String {
-        intake::name_of(&self.watch.folder, source)
+    /// The meshes that files are now, by file.
+    async fn jobs(&self, files: impl Iterator<Item = &PathBuf>) -> HashMap<PathBuf, Vec<Job>> {
+        self.parts.jobs(files.cloned().collect(), self.watch.cancel.clone()).await
     }
 
     fn folder(&self) -> String {
@@ -485,81 +423,59 @@ impl House<'_> {
     fn take_note(
         &mut self,
         change: Change,
-        jobs: &mut HashMap<PathBuf, Vec<Job>>,
         is_first: bool,
+        jobs: &mut HashMap<PathBuf, Vec<Job>>,
         context: &Context,
-        desk: &mut Desk,
-        begun: &mut HashMap<usize, Begun>,
+        tasks: &mut Tasks,
     ) {
         match change {
-            Change::Moving(source) => self.account.moves(self.name_of(&source), is_first),
-            Change::Ready(source, stamp) => {
-                let jobs = jobs.remove(&source).unwrap_or_default();
-                self.is_whole(source, jobs, stamp, context, desk, begun);
-            }
-            Change::Gone(source) => {
-                let names = self.parts.remove(&source);
-                for name in names.unwrap_or_else(|| vec![self.name_of(&source)]) {
-                    self.is_gone(name, context, desk, begun);
-                }
+            Change::Moving(file) => self.account.moves(self.parts.name_of(&file), is_first),
+            Change::Ready(file, stamp) => self.is_whole(&file, stamp, jobs, context, tasks),
+            Change::Gone(file) => {
+                let names = self.parts.remove(&file);
+                names.into_iter().for_each(|name| self.is_gone(name, context, tasks));
             }
         }
     }
 
-    /// A file is whole and has these meshes; those that it had before and has no more are gone.
+    /// A file is whole and has the meshes that `jobs` has of it; those that it had before and has no more are gone.
     fn is_whole(
         &mut self,
-        source: PathBuf,
-        jobs: Vec<Job>,
+        file: &Path,
         stamp: Stamp,
+        jobs: &mut HashMap<PathBuf, Vec<Job>>,
         context: &Context,
-        desk: &mut Desk,
-        begun: &mut HashMap<usize, Begun>,
+        tasks: &mut Tasks,
     ) {
-        let file = self.name_of(&source);
-        let unsaid = self.account.is_whole(&file);
-        let names: Vec<String> = jobs.iter().map(|job| job.name.clone()).collect();
-        let as_one = || self.account.knows(&file).then(|| file.clone()).into_iter().collect();
-        let before = self.parts.remove(&source).unwrap_or_else(as_one);
-        for name in before.into_iter().filter(|name| !names.contains(name)) {
-            self.is_gone(name, context, desk, begun);
-        }
-        if jobs.iter().any(|job| job.object.is_some()) {
-            self.parts.insert(source, names);
+        let Some(jobs) = jobs.remove(file) else { return };
+        let unsaid = self.account.is_whole(&self.parts.name_of(file));
+        for name in self.parts.replace(file, &jobs) {
+            self.is_gone(name, context, tasks);
         }
         for job in jobs {
             if self.account.is_ready(&job, &stamp, unsaid) {
-                self.give_up(&job.name, context, begun);
+                self.give_up(&job.name, context, tasks);
             } else if job.object.is_some() && !self.account.is_tried_again(&job.name) {
                 // It is another object of the file that is tried again.
                 continue;
             }
-            desk.put(job, stamp.clone());
+            tasks.put(job, stamp.clone());
         }
     }
 
     /// There is no such mesh any more.
-    fn is_gone(
-        &mut self,
-        name: String,
-        context: &Context,
-        desk: &mut Desk,
-        begun: &mut HashMap<usize, Begun>,
-    ) {
-        self.give_up(&name, context, begun);
-        desk.drop(&name);
+    fn is_gone(&mut self, name: String, context: &Context, tasks: &mut Tasks) {
+        self.give_up(&name, context, tasks);
+        tasks.drop(&name);
         context.board.forgets(&name);
         self.account.leaves(name);
     }
 
     /// The work on an older version of a mesh is no longer wanted.
-    fn give_up(&self, name: &str, context: &Context, begun: &mut HashMap<usize, Begun>) {
-        for (&item, begun) in begun.iter_mut() {
-            if begun.is_wanted && begun.waiting.job.name == name {
-                begun.is_wanted = false;
-                context.board.drops(item);
-                self.account.say(&Happened::Superseded { path: name.into() });
-            }
+    fn give_up(&self, name: &str, context: &Context, tasks: &mut Tasks) {
+        for item in tasks.give_up(name) {
+            context.board.drops(item);
+            self.account.say(&Happened::Superseded { path: name.into() });
         }
     }
 
@@ -568,12 +484,10 @@ impl House<'_> {
         &mut self,
         Outcome { item, result }: Outcome<MeshReport, Failure>,
         context: &Context,
-        desk: &mut Desk,
-        begun: &mut HashMap<usize, Begun>,
+        tasks: &mut Tasks,
     ) {
         context.ledger.take(item);
-        let Some(Begun { waiting: Waiting { job, stamp, .. }, is_wanted }) = begun.remove(&item)
-        else {
+        let Some(Begun { waiting: Waiting { job, stamp, .. }, is_wanted }) = tasks.end(item) else {
             return;
         };
         match result {
@@ -584,10 +498,10 @@ impl House<'_> {
             }
             Ok(report) => {
                 context.board.ends(item, &job.name, Some(report.status));
-                desk.is_done(&job.name);
+                tasks.is_done(&job.name);
                 self.account.is_done(&job, &stamp, &report);
-                let objects = self.parts.get(&job.source).into_iter().flatten();
-                if !objects.clone().any(|name| self.account.is_tried_again(name)) {
+                let mut objects = self.parts.of(&job.source);
+                if !objects.any(|name| self.account.is_tried_again(name)) {
                     self.settling.read(&job.source, &stamp);
                 }
             }
@@ -603,7 +517,7 @@ impl House<'_> {
                 let is_defect = failure.is_internal();
                 let report = failed(context, &job, failure, true);
                 context.board.ends(item, &job.name, Some(report.status));
-                desk.is_done(&job.name);
+                tasks.is_done(&job.name);
                 self.account.has_failed(report, again, is_defect);
             }
         }
