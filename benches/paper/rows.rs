@@ -36,11 +36,14 @@ pub fn table(experiment: Outcome<Experiment>, docs: &Path, name: &str) -> Outcom
     let Wanted { rows, options } = wanted(docs, name)?;
     let with_options = |row: Row| Some(Kept { options: options.get(&row.variant)?.clone(), row });
     let now: Vec<Kept> = now.into_iter().filter_map(with_options).collect();
-    let kept = rows.iter().filter_map(|(variant, column)| {
-        let same = |kept: &&Kept| (&kept.row.variant, &kept.row.column) == (variant, column);
-        let was = before.iter().find(same).filter(|was| options.get(variant) == Some(&was.options));
+    let kept = rows.into_iter().map(|empty| {
+        let options = options.get(&empty.variant).cloned().unwrap_or_default();
+        let of = |row: &Row| (row.variant.clone(), row.column.clone());
+        let same = |kept: &&Kept| of(&kept.row) == of(&empty) && kept.options == options;
         // A run that has not come to all seeds says less; of equals the later counts.
-        was.into_iter().chain(now.iter().find(same)).max_by_key(|kept| kept.row.seeds).cloned()
+        let found = before.iter().find(same).into_iter().chain(now.iter().find(same));
+        let found = found.max_by_key(|kept| kept.row.seeds).cloned();
+        found.unwrap_or(Kept { options, row: empty })
     });
     let kept: Vec<Kept> = kept.collect();
     std::fs::create_dir_all(docs.join("paper/results"))?;
@@ -50,8 +53,8 @@ pub fn table(experiment: Outcome<Experiment>, docs: &Path, name: &str) -> Outcom
 
 /// What an experiment is to have.
 struct Wanted {
-    /// Variants and columns, in the order of its file.
-    rows: Vec<(String, String)>,
+    /// A row for each variant and column, in the order of its file, with what is printed of it and nothing else.
+    rows: Vec<Row>,
     /// Digests of the options of each variant, the seed and paths aside.
     options: BTreeMap<String, String>,
 }
@@ -71,8 +74,16 @@ fn wanted(docs: &Path, name: &str) -> Outcome<Wanted> {
     for variant in comparison.variants {
         // One without seeds was run by somebody else.
         options.entry(variant.name.clone()).or_default();
-        let columns = comparison.columns.iter().map(|column| column.name.clone());
-        rows.extend(columns.map(|column| (variant.name.clone(), column)));
+        rows.extend(comparison.columns.iter().map(|column| Row {
+            variant: variant.name.clone(),
+            column: column.name.clone(),
+            seeds: 0,
+            median: None,
+            range: None,
+            fem: None,
+            printed: variant.printed.get(&column.name).copied(),
+            verdict: None,
+        }));
     }
     Ok(Wanted { rows, options })
 }
