@@ -12,7 +12,7 @@ use chladni::mesh::{Opened, TriMesh, sample::icosphere};
 use chladni::publish::plan::RunPlan;
 use chladni::publish::report::Status;
 use chladni::publish::result::Spectrum;
-use common::{FEM, Workspace, chladni, obj, text};
+use common::{FEM, Workspace, chladni, text};
 use npyz::npz::NpzArchive;
 
 /// A sphere and an ellipsoid in one OBJ file.
@@ -20,18 +20,7 @@ fn scene(height: f64) -> (String, TriMesh, TriMesh) {
     let sphere = icosphere(2);
     let taller = sphere.vertices().iter().map(|&[x, y, z]| [x + 5.0, 0.9 * y, height * z]);
     let ellipsoid = TriMesh::new(taller.collect(), sphere.faces().to_vec()).unwrap();
-    let n = sphere.n() as u32;
-    let faces: String = ellipsoid
-        .faces()
-        .iter()
-        .map(|face| {
-            let [a, b, c] = face.map(|v| v + n + 1);
-            format!("f {a} {b} {c}\n")
-        })
-        .collect();
-    let vertices: String =
-        ellipsoid.vertices().iter().map(|[x, y, z]| format!("v {x:?} {y:?} {z:?}\n")).collect();
-    let scene = format!("o ball\n{}{vertices}o long ball\n{faces}", obj(&sphere));
+    let scene = common::scene(&[("ball", sphere.clone()), ("long ball", ellipsoid.clone())]);
     (scene, sphere, ellipsoid)
 }
 

@@ -12,9 +12,10 @@ use self::findings::{Finding, findings};
 use super::exit::Exit;
 use super::single::OneMesh;
 use super::{Format, Refusal, print, print_json};
+use crate::mesh::error::listed;
 use crate::mesh::shape::Shape;
 use crate::mesh::topology::{Piece, pieces};
-use crate::mesh::{self, Fault, Ingested, Opened, Repairs};
+use crate::mesh::{self, Ingested, Opened, Repairs};
 use crate::operators::{MassKind, Operators};
 use crate::publish::result::TriangleQuality;
 
@@ -60,14 +61,12 @@ struct Info<'a> {
 pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let (ingested, objects) = match arguments.mesh.read() {
         Ok(read) => read,
-        Err(error) if matches!(error.fault, Fault::NoObject { .. }) => {
-            return Err(Refusal::usage(error));
-        }
+        Err(error) if error.is_no_object() => return Err(Refusal::usage(error)),
         Err(error) => {
             eprintln!("error: {error}");
             let objects = Opened::read(&arguments.mesh.file).map(|opened| opened.objects());
             if let Some(objects) = objects.ok().filter(|objects| objects.len() > 1) {
-                eprintln!("--object NAME looks at one of {}", text::listed(&objects));
+                eprintln!("--object NAME looks at one of {}", listed(&objects));
             }
             return Ok(Exit::MeshFailed);
         }

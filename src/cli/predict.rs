@@ -1,7 +1,6 @@
 //! `chladni predict MESH --model MODEL`: eigenpairs by forward passes of a trained model, refined and certified on request.
 
 use std::num::NonZeroUsize;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -127,7 +126,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
         }
     };
     let Outcome { pairs, warnings, refinement } = outcome;
-    let (spectrum, report) = published(&context, pairs, arguments.written.folder().is_some());
+    let (spectrum, report) = published(&context, pairs, arguments.written.is_asked_for());
     let mut report = report.map_err(Refusal::usage)?;
     let path = arguments.mesh.title();
     report.path.clone_from(&path);
@@ -164,8 +163,7 @@ fn context(arguments: &Arguments, given: Arc<GivenModel>) -> Context {
     };
     pipeline.operators = description.operators;
     pipeline.publish = arguments.written.options();
-    let out = arguments.written.folder().unwrap_or(Path::new("")).to_owned();
-    Context::alone(pipeline, Some(given), out)
+    Context::alone(pipeline, Some(given), arguments.written.folder())
 }
 
 /// What came of a mesh.

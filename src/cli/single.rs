@@ -1,6 +1,6 @@
 //! What `solve` and `predict` are given: one mesh, and what is written of it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error, StrDeserializer};
@@ -74,9 +74,14 @@ pub struct Written {
 }
 
 impl Written {
-    /// Where, if anything is.
-    pub fn folder(&self) -> Option<&Path> {
-        self.out.as_deref()
+    /// Whether anything is.
+    pub fn is_asked_for(&self) -> bool {
+        self.out.is_some()
+    }
+
+    /// Where.
+    pub fn folder(&self) -> PathBuf {
+        self.out.clone().unwrap_or_default()
     }
 
     /// As the options of a pipeline.

@@ -1,7 +1,6 @@
 //! `chladni solve MESH -k K`: the spectrum of one mesh by a solver, with its certificate.
 
 use std::num::NonZeroUsize;
-use std::path::Path;
 use std::time::Instant;
 
 use clap::ValueEnum;
@@ -150,7 +149,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     };
     let spectrum = publish::spectrum(&context, &verified);
     let path = arguments.mesh.title();
-    let mut report = if arguments.written.folder().is_some() {
+    let mut report = if arguments.written.is_asked_for() {
         publish::publish(&context, 0, verified).map_err(Refusal::usage)?
     } else {
         publish::unwritten(&spectrum, verified)
@@ -199,8 +198,7 @@ fn context(arguments: &Arguments) -> Result<Context, Refusal> {
     };
     pipeline.publish = arguments.written.options();
     pipeline.check().map_err(Refusal::usage)?;
-    let out = arguments.written.folder().unwrap_or(Path::new("")).to_owned();
-    Ok(Context::alone(pipeline, None, out))
+    Ok(Context::alone(pipeline, None, arguments.written.folder()))
 }
 
 fn solve(context: &Context, job: Job) -> Result<Verified, Failure> {

@@ -93,6 +93,11 @@ impl MeshError {
     pub fn is_unreadable(&self) -> bool {
         matches!(self.fault, Fault::Unreadable(_))
     }
+
+    /// Whether the file has no object of the name that was asked for.
+    pub fn is_no_object(&self) -> bool {
+        matches!(self.fault, Fault::NoObject { .. })
+    }
 }
 
 struct Located<'a>(&'a Option<Place>);
@@ -225,11 +230,15 @@ const NAMED: usize = 12;
 fn known(objects: &[String]) -> String {
     match objects {
         [] => "it is one object without a name".into(),
-        some if some.len() > NAMED => {
-            format!("it has {}, … ({} in all)", some[..NAMED].join(", "), some.len())
-        }
-        some => format!("it has {}", some.join(", ")),
+        some if some.len() > NAMED => format!("it has {} ({} in all)", listed(some), some.len()),
+        some => format!("it has {}", listed(some)),
     }
+}
+
+/// The first few names of objects.
+pub fn listed(names: &[String]) -> String {
+    let more = if names.len() > NAMED { ", …" } else { "" };
+    names[..names.len().min(NAMED)].join(", ") + more
 }
 
 fn unfinished(entries: &str, promised: Option<usize>) -> String {

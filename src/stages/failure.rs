@@ -4,7 +4,7 @@ use crate::descriptors::TooFew;
 use crate::flow::Panicked;
 use crate::ggnn::model::Unfit;
 use crate::ggnn::train::TrainError;
-use crate::mesh::{Fault, MeshError};
+use crate::mesh::MeshError;
 use crate::operators::OperatorError;
 use crate::publish::PublishError;
 use crate::remesh::FamilyError;
@@ -102,7 +102,7 @@ pub enum Failure {
 impl Failure {
     /// Whether the file has no object of the name that was asked for.
     pub fn is_no_object(&self) -> bool {
-        matches!(self, Self::Mesh(MeshError { fault: Fault::NoObject { .. }, .. }))
+        matches!(self, Self::Mesh(error) if error.is_no_object())
     }
 
     /// Whether another try may succeed: the system refused something, or this program failed. What a mesh is stays so.

@@ -39,9 +39,7 @@ impl LastOpened {
         *last = stamp.map(|stamp| Last { path: path.into(), stamp, opened: opened.clone() });
         Ok(opened)
     }
-}
 
-impl LastOpened {
     /// It is not wanted again soon.
     pub fn forget(&self) {
         *self.last.lock().unwrap_or_else(PoisonError::into_inner) = None;

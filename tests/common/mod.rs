@@ -99,6 +99,23 @@ pub fn ellipsoid(factor: f64) -> String {
     obj(&TriMesh::new(vertices, mesh.faces().to_vec()).unwrap())
 }
 
+/// Meshes as objects of one OBJ file.
+pub fn scene(objects: &[(&str, TriMesh)]) -> String {
+    let (mut text, mut first) = (String::new(), 1);
+    for (name, mesh) in objects {
+        text += &format!("o {name}\n");
+        for [x, y, z] in mesh.vertices() {
+            text += &format!("v {x:?} {y:?} {z:?}\n");
+        }
+        for face in mesh.faces() {
+            let [a, b, c] = face.map(|v| v as usize + first);
+            text += &format!("f {a} {b} {c}\n");
+        }
+        first += mesh.n();
+    }
+    text
+}
+
 /// What a process printed.
 pub fn text(output: &Output) -> String {
     format!(

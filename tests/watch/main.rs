@@ -32,20 +32,8 @@ fn ellipsoid(height: f64) -> TriMesh {
 
 /// Ellipsoids of these heights as objects of one file.
 fn scene(heights: &[(&str, f64)]) -> String {
-    let mut text = String::new();
-    for (i, (name, height)) in heights.iter().enumerate() {
-        let mesh = ellipsoid(*height);
-        let first = 1 + i * mesh.n();
-        text += &format!("o {name}\n");
-        for [x, y, z] in mesh.vertices() {
-            text += &format!("v {x:?} {y:?} {z:?}\n");
-        }
-        for face in mesh.faces() {
-            let [a, b, c] = face.map(|v| v as usize + first);
-            text += &format!("f {a} {b} {c}\n");
-        }
-    }
-    text
+    let objects: Vec<_> = heights.iter().map(|&(name, height)| (name, ellipsoid(height))).collect();
+    common::scene(&objects)
 }
 
 /// A watch, and what it says.

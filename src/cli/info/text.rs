@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::Info;
 use super::findings::Finding;
+use crate::mesh::error::listed;
 use crate::mesh::topology::Piece;
 use crate::publish::table::six_digits;
 
@@ -16,9 +17,6 @@ const BAR: usize = 40;
 
 /// More pieces, or runs of equal ones, are summed up.
 const PIECES: usize = 8;
-
-/// More objects are not named.
-const NAMED: usize = 12;
 
 /// The page of a mesh.
 pub fn page(info: &Info<'_>) -> String {
@@ -66,12 +64,6 @@ pub fn page(info: &Info<'_>) -> String {
         }
     }
     page.text
-}
-
-/// The first few names.
-pub fn listed(names: &[String]) -> String {
-    let more = if names.len() > NAMED { ", …" } else { "" };
-    names[..names.len().min(NAMED)].join(", ") + more
 }
 
 fn topology(info: &Info<'_>) -> String {

@@ -98,10 +98,9 @@ impl Grouping {
     fn until(&mut self, line: u32, raw: &mut RawMesh) {
         let named = if self.objects.lines.is_empty() { &self.groups } else { &self.objects };
         self.begun.resize(named.names.len(), None);
-        let (names, others) = self.noted;
+        let (mut names, mut others) = self.noted;
         let next = |done: usize| named.lines.get(done).filter(|&&(number, _)| number < line);
         let next_other = |done: usize| self.left_out.get(done).filter(|&&number| number < line);
-        let (mut names, mut others) = (names, others);
         loop {
             match (next(names), next_other(others)) {
                 (Some(&(number, which)), other) if other.is_none_or(|&other| number < other) => {

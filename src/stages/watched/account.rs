@@ -27,7 +27,8 @@ pub struct Account<'t> {
     since: SystemTime,
     /// Meshes of the first look, of which nothing is said before they are done.
     unsaid: HashSet<String>,
-    ended: Ended,
+    /// Some failure was a defect of this program.
+    defect: bool,
     /// How every mesh of this moment ended, by name.
     reports: BTreeMap<String, MeshReport>,
     /// Something was said since everything was current.
@@ -57,7 +58,7 @@ impl<'t> Account<'t> {
             removes: false,
             since: SystemTime::now(),
             unsaid: HashSet::new(),
-            ended: Ended::default(),
+            defect: false,
             reports: BTreeMap::new(),
             has_spoken: Cell::new(false),
         }
@@ -78,7 +79,8 @@ impl<'t> Account<'t> {
     /// How the watch has ended.
     pub fn close(mut self) -> Ended {
         self.settle_departed(Instant::now(), true);
-        self.ended
+        let meshes = self.reports.into_iter().map(|(name, report)| (name, report.status));
+        Ended { meshes: meshes.collect(), defect: self.defect }
     }
 
     /// A mesh is changing; one of the first look has always been there.
@@ -119,7 +121,6 @@ impl<'t> Account<'t> {
 
     /// A mesh is gone, or was renamed.
     pub fn leaves(&mut self, name: String) {
-        self.ended.meshes.remove(&name);
         self.reports.remove(&name);
         match self.known.remove(&name) {
             Some(Known { hash: Some(hash), .. }) => {
@@ -149,7 +150,6 @@ impl<'t> Account<'t> {
 
     /// A mesh is done that was ready with this stamp.
     pub fn is_done(&mut self, job: &Job, stamp: &Stamp, report: &MeshReport) {
-        self.ended.meshes.insert(job.name.clone(), report.status);
         self.reports.insert(job.name.clone(), report.clone());
         let before = self.known.get(&job.name).and_then(|known| known.hash);
         if let Some(known) = self.known.get_mut(&job.name) {
@@ -171,8 +171,7 @@ impl<'t> Account<'t> {
     pub fn has_failed(&mut self, report: MeshReport, again: bool, is_defect: bool) {
         self.reports.insert(report.path.clone(), report.clone());
         let MeshReport { path, reason, .. } = report;
-        self.ended.defect |= is_defect;
-        self.ended.meshes.insert(path.clone(), Status::Failed);
+        self.defect |= is_defect;
         let reason = reason.unwrap_or_default();
         let Some(known) = self.known.get_mut(&path) else { return };
         known.again = again;
@@ -206,7 +205,7 @@ impl<'t> Account<'t> {
         if !self.has_spoken.replace(false) {
             return false;
         }
-        let with = |status| self.ended.meshes.values().filter(|&&ended| ended == status).count();
+        let with = |status| self.reports.values().filter(|report| report.status == status).count();
         (self.tell)(&Happened::Idle {
             meshes: self.known.len(),
             verified: with(Status::Verified),
