@@ -459,6 +459,26 @@ fn shells_and_manual_readers_get_what_they_need_from_the_command_line_itself() {
 }
 
 #[test]
+fn options_are_explained_one_by_one_all_together_and_to_editors() {
+    let all = chladni(&["options"]);
+    let file = String::from_utf8(all.stdout).unwrap();
+    let parsed = chladni::pipeline::Pipeline::parse("options", &file, &[]);
+    assert_eq!(parsed, Ok(chladni::pipeline::Pipeline::default()));
+    let one = chladni(&["options", "train.layer"]);
+    let one = String::from_utf8(one.stdout).unwrap();
+    assert!(one.contains("\"sggc\": ") && one.ends_with("layer = \"pointwise\"\n"), "{one}");
+    assert!(file.contains(&one), "{one}");
+    let schema = chladni(&["options", "--schema"]);
+    let schema: serde_json::Value = serde_json::from_slice(&schema.stdout).unwrap();
+    for section in ["input", "train", "sweep", "variant", "quick"] {
+        assert!(schema["properties"][section].is_object(), "{section}");
+    }
+    let unknown = chladni(&["options", "train.widht"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(text(&unknown).contains("did you mean `train.width`?"), "{}", text(&unknown));
+}
+
+#[test]
 fn log_lines_are_json_on_request() {
     let workspace = Workspace::new(FEM);
     let output = workspace

@@ -2,29 +2,49 @@
 
 use chladni::descriptors::Descriptor;
 use chladni::mesh::Format;
-use chladni::pipeline::{ExportFormat, Pipeline};
+use chladni::pipeline::{ExportFormat, Pipeline, reference};
 use chladni::publish::export::files;
 
-/// The first TOML block of `docs/pipeline.md`: every option with its default.
-fn documented() -> String {
-    let page = std::fs::read_to_string("docs/pipeline.md").unwrap();
-    let block = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next());
-    block.unwrap().to_string()
+/// A page with a TOML block that is made of the code: the one below the comment that names it.
+fn with_block(page: &str, name: &str, block: &str) -> String {
+    let mark =
+        format!("<!-- {name}: written by UPDATE_DOCS=1 cargo test --test docs -->\n```toml\n");
+    let (before, rest) = page.split_once(&mark).unwrap();
+    let (_, after) = rest.split_once("```").unwrap();
+    format!("{before}{mark}{block}```{after}")
 }
 
 #[test]
-fn the_reference_page_has_every_option_with_its_default() {
-    let text = documented();
-    let pipeline = Pipeline::parse("docs/pipeline.md", &text, &[]).unwrap();
-    assert_eq!(pipeline, Pipeline::default());
-    let documented: toml::Table = text.parse().unwrap();
-    let options = toml::Table::try_from(Pipeline::default()).unwrap();
-    for (section, keys) in &options {
+fn the_reference_page_is_what_the_code_says() {
+    let page = std::fs::read_to_string("docs/pipeline.md").unwrap();
+    let made = with_block(&page, "options", &reference::defaults());
+    let made = with_block(&made, "sweep", &reference::sweep());
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        std::fs::write("docs/pipeline.md", &made).unwrap();
+    } else {
+        assert_eq!(page, made, "docs/pipeline.md is old: UPDATE_DOCS=1 cargo test --test docs");
+    }
+}
+
+#[test]
+fn every_option_has_its_default_and_a_meaning() {
+    let text = reference::defaults();
+    assert_eq!(Pipeline::parse("defaults", &text, &[]), Ok(Pipeline::default()));
+    for (section, keys) in toml::Table::try_from(Pipeline::default()).unwrap() {
         for key in keys.as_table().unwrap().keys() {
-            let described = documented.get(section).and_then(|section| section.get(key));
-            assert!(described.is_some(), "docs/pipeline.md does not describe {section}.{key}");
+            let about = reference::about(&format!("{section}.{key}")).unwrap();
+            let (meaning, option): (Vec<&str>, Vec<&str>) =
+                about.lines().partition(|line| line.starts_with("# "));
+            assert!(!meaning.is_empty(), "{section}.{key} has no meaning");
+            assert!(option[0].starts_with(&format!("{key} = ")), "{section}.{key}: {option:?}");
         }
     }
+}
+
+#[test]
+fn a_name_that_no_option_has_is_answered_with_the_nearest() {
+    let refused = reference::about("train.layerz").unwrap_err().to_string();
+    assert!(refused.ends_with("did you mean `train.layer`?"), "{refused}");
 }
 
 #[test]
@@ -48,7 +68,7 @@ fn every_list_of_formats_is_whole() {
         ("README.md", Format::listed(Format::name)),
     ];
     for (file, list) in lists {
-        let text = std::fs::read_to_string(file).unwrap();
+        let text = std::fs::read_to_string(file).unwrap().replace("\n# ", " ");
         assert!(text.contains(&list), "{file} does not say {list}");
     }
 }

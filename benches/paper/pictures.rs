@@ -79,16 +79,14 @@ fn figure(name: &str) -> Option<Figure> {
     })
 }
 
-/// The pictures of an experiment, as files in `docs/paper` and a table in Markdown that shows them.
+/// The pictures of an experiment, as files in `docs/paper` and a table in Markdown that shows them; of all its variants or of none.
 pub fn of(experiment: &Experiment, docs: &Path) -> Outcome<String> {
     let figure = figure(&experiment.name).ok_or("no pictures are drawn of it")?;
     let exact = if figure.exact.is_some() { "exact, " } else { "" };
-    let shown: Vec<&str> = figure
-        .variants
-        .iter()
-        .copied()
-        .filter(|variant| experiment.report.cases.iter().any(|case| case.variant == *variant))
-        .collect();
+    let shown = figure.variants;
+    if let Some(missing) = shown.iter().find(|variant| !experiment.has(variant)) {
+        return Err(format!("{missing} was not run").into());
+    }
     let mut text =
         format!("| mesh | φ | {exact}FEM, {} | λ |\n|---|---|---|---|\n", shown.join(", "));
     for (mesh, places) in &figure.rows {

@@ -7,8 +7,8 @@ use chladni::publish::result::Eigenpair;
 use chladni::publish::sweep::CaseReport;
 use plotters::prelude::*;
 
-use super::Outcome;
 use super::results::Experiment;
+use super::{Outcome, rows};
 
 /// A colour for each variant, distinct to the colour-blind (Okabe and Ito).
 const COLOURS: [RGBColor; 6] = [
@@ -23,8 +23,12 @@ const COLOURS: [RGBColor; 6] = [
 /// The name, the MSE by k and the relative error of λ by k.
 type Errors = (String, Vec<(f64, f64)>, Vec<(f64, f64)>);
 
-/// The plot of an experiment, as a file in `docs/paper`, and Markdown that shows it.
+/// The plot of an experiment, as a file in `docs/paper`, and Markdown that shows it; of all its variants or of none.
 pub fn of(experiment: &Experiment, docs: &Path) -> Outcome<String> {
+    let sweep = rows::sweep(docs, &experiment.name)?;
+    if let Some(missing) = sweep.cases.iter().find(|case| !experiment.has(&case.variant)) {
+        return Err(format!("{} was not run", missing.variant).into());
+    }
     let mut lines: Vec<Errors> = Vec::new();
     for case in &experiment.report.cases {
         if lines.iter().all(|(name, ..)| *name != case.variant) {

@@ -38,6 +38,11 @@ impl Experiment {
         Ok(Self { name: name.into(), report: serde_json::from_slice(&bytes)?, folder })
     }
 
+    /// Whether a variant was run.
+    pub fn has(&self, variant: &str) -> bool {
+        self.report.cases.iter().any(|case| case.variant == variant)
+    }
+
     /// What a variant has found for a mesh, by the first of its seeds.
     pub fn solved(&self, variant: &str, mesh: &str) -> Outcome<Solved> {
         let case = self.report.cases.iter().find(|case| case.variant == variant);

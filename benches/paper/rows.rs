@@ -59,9 +59,14 @@ struct Wanted {
     options: BTreeMap<String, String>,
 }
 
-fn wanted(docs: &Path, name: &str) -> Outcome<Wanted> {
+/// The file of an experiment.
+pub fn sweep(docs: &Path, name: &str) -> Outcome<Sweep> {
     let file = docs.join("../pipelines/paper").join(format!("{name}.toml"));
-    let Sweep { comparison, cases } = Sweep::load(&file, Asked::default())?;
+    Ok(Sweep::load(&file, Asked::default())?)
+}
+
+fn wanted(docs: &Path, name: &str) -> Outcome<Wanted> {
+    let Sweep { comparison, cases } = sweep(docs, name)?;
     let comparison = comparison.ok_or("it compares nothing")?;
     let mut options = BTreeMap::new();
     for mut case in cases {

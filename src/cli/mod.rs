@@ -5,8 +5,8 @@
 //! - [`task`]: what `run` and `explain` are asked to do
 //! - `single`: what `solve` and `predict` are given
 //! - [`signals`]: SIGINT and SIGTERM
-//! - `run`, `watch`, `explain`, `status`, `solve`, `predict`, `model`, `generate`, `info`, `cache`: the
-//!   commands
+//! - `run`, `watch`, `explain`, `status`, `solve`, `predict`, `model`, `generate`, `info`, `options`, `cache`:
+//!   the commands
 //! - `paint`: colours on a terminal
 //! - `shell`: completions and manual pages, made of all of these
 
@@ -17,6 +17,7 @@ mod generate;
 mod info;
 mod logging;
 mod model;
+mod options;
 mod paint;
 mod predict;
 mod run;
@@ -72,6 +73,8 @@ enum Command {
     Generate(generate::Arguments),
     /// Say what ingest sees of a mesh: counts, topology, defects, hash
     Info(info::Arguments),
+    /// Print what can stand in a pipeline file: every option with its default and what it means
+    Options(options::Arguments),
     /// Predict the eigenpairs of one mesh with a trained model, by forward passes alone
     Predict(predict::Arguments),
     /// Look after models: trained blocks that can predict on other samplings of a shape
@@ -128,6 +131,7 @@ pub fn main() -> ExitCode {
         Command::Solve(arguments) => solve::execute(&arguments),
         Command::Generate(arguments) => generate::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
+        Command::Options(arguments) => options::execute(&arguments),
         Command::Predict(arguments) => predict::execute(&arguments),
         Command::Model(command) => model::execute(&command),
         Command::Cache(command) => cache::execute(&command),

@@ -22,23 +22,26 @@ pub mod projection;
 pub mod shape_dna;
 pub mod wave_kernel;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use basis::Basis;
 
 /// A descriptor that can be asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Descriptor {
-    /// [`heat_kernel`].
+    /// The heat kernel signature.
     Hks,
-    /// [`wave_kernel`].
+    /// The wave kernel signature.
     Wks,
-    /// [`global_point`].
+    /// The global point signature.
     Gps,
-    /// [`shape_dna`].
+    /// The eigenvalues, scaled to unit area. A run also leaves shape_dna.csv and shape_dna_distances.csv over all of its meshes.
     ShapeDna,
-    /// [`coordinates`].
+    /// The first eigenfunctions that are not constant, as coordinates.
     SpectralCoordinates,
 }
 

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::landmarks::Landmarks;
@@ -9,38 +10,38 @@ use crate::mesh::TriMesh;
 use crate::mesh::trimesh::{norm, sub};
 use crate::operators::Pattern;
 
-/// `[features]`: what the network is to read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// What the network reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct FeatureOptions {
-    /// `coordinates`, `edge-lengths` or `landmarks`.
+    /// What it reads at every vertex. The last two do not depend on how a mesh lies in space.
     pub input: Input,
-    /// `area`: no feature depends on units, and coordinates are centred; `none`: in input units, as they are.
+    /// How that is scaled. ["paper": "none"]
     pub normalise: Normalise,
-    /// How many landmarks, where they are the input.
+    /// How many landmarks.
     pub landmarks: usize,
 }
 
 /// `features.input`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Input {
     /// x, y, z, as in (28).
     #[default]
     Coordinates,
-    /// The shortest, the mean and the longest edge at a vertex: the paper's Fig. 9 in three numbers. They do not depend
-    /// on place and pose, but hardly tell vertices apart.
+    /// The shortest, the mean and the longest of the edges that meet there: the paper's Fig. 9 in three numbers, which hardly tell
+    /// vertices apart.
     EdgeLengths,
-    /// Geodesic distances from landmarks, see [`super::landmarks`]. They do not depend on place and pose either.
+    /// Geodesic distances from a few points of the shape, which are found again on every mesh of it.
     Landmarks,
 }
 
 /// How features are prepared.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Normalise {
-    /// Coordinates are centred at the surface's centroid and scaled to unit area, as distances are; edge lengths are
-    /// in units of √(area/n). Nothing depends on units.
+    /// Nothing depends on units: coordinates are centred at the surface's centroid and scaled to unit area, distances are in units of
+    /// √area, edge lengths in units of √(area / vertices).
     #[default]
     Area,
     /// As they are in the file.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use dfdx::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::ops::activation::Activation;
@@ -35,17 +36,17 @@ pub struct TrunkShape {
 }
 
 /// What a hidden layer is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layer {
-    /// The smoothing generalised graph convolution (29), see [`super::ops::sggc`].
+    /// The smoothing generalised graph convolution (29).
     #[default]
     Sggc,
-    /// The graph convolution of Kipf and Welling, see [`super::ops::gcn`].
+    /// To compare it with: the graph convolution of Kipf and Welling (2017).
     Gcn,
-    /// The graph attention of Veličković et al., see [`super::ops::gat`].
+    /// To compare it with: the graph attention of Veličković et al. (2018), with one head.
     Gat,
-    /// (29) without its neighbours, see [`super::ops::sggc`].
+    /// (29) without its neighbours, which predicts better on other samplings and takes half the time.
     Pointwise,
 }
 
@@ -80,10 +81,10 @@ pub struct Ranges {
 }
 
 /// Where initial weights lie.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interval {
-    /// Encoder U[−γ₁, γ₁], phases U[−π, π], hidden weights U[−γ₂, γ₂].
+    /// Encoder U[−γ₁, γ₁], its phases U[−π, π], hidden weights U[−γ₂, γ₂].
     #[default]
     Symmetric,
     /// The paper's: all of the encoder, Θ_in = {w_in, b_in}, U[0, γ₁], hidden weights U[0, γ₂].

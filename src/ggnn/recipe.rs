@@ -1,5 +1,6 @@
 //! How a block is trained: the hyperparameters, each a documented option.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::features::COORDINATES;
@@ -36,13 +37,14 @@ impl Recipe {
 }
 
 /// `train.trunk`: what has a trunk of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Trunks {
-    /// Every eigenfunction: one block after the other, each deflated against those before it.
+    /// Every eigenfunction has a trunk of its own, trained after those before it; a larger k trains only what is missing.
     #[default]
     PerEigenfunction,
-    /// All of them together: one training, whose trunk carries a head for each.
+    /// There is one trunk with a head for each, trained together, so that prediction takes one forward pass for all; another k is
+    /// another training, and k cannot exceed the width by more than the eigenfunctions of λ = 0.
     Shared,
 }
 

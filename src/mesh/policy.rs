@@ -3,53 +3,59 @@
 //! Repairs are always the same and always recorded. The options say which meshes are turned away in place of being
 //! taken with their repairs or defects.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::Fault;
 use super::{Ingested, MeshError, Place};
 
-/// `[ingest]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// What is mended is the same for every mesh, and in its spectrum.json: equal positions of STL and glTF become one vertex, polygons
+/// become triangles; faces without area or that repeat another, and vertices without a face, are dropped. These options turn meshes
+/// away; `chladni info` shows what one has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct IngestOptions {
-    /// The objects of a file.
+    /// A file with several objects: the `o` lines of an OBJ file, or else its groups; the solids of an STL file; the nodes of a
+    /// glTF scene.
     pub objects: Objects,
-    /// Edges of three and more triangles, and vertices where a surface is pinched.
+    /// Edges where more than two triangles meet, and vertices where a surface is pinched.
     pub non_manifold: NonManifold,
-    /// Triangles that name a vertex twice, have no area, or repeat an earlier one.
+    /// Faces that name a vertex twice, have no area, or have the corners of an earlier one.
     pub degenerate_faces: DegenerateFaces,
 }
 
 /// `ingest.objects`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Objects {
-    /// All of a file is one mesh.
+    /// They are one mesh.
     #[default]
     Merge,
-    /// Each of several is a mesh.
+    /// Each is a mesh, with results in scene.glb/body/, scene.glb/wheel/ and so on. Names are made fit for folders: only
+    /// letters, digits, hyphens and underscores stay; another of the same name has a number behind it, one without a name is
+    /// object-N. A file with one object keeps its results in scene.glb/ itself.
     Split,
 }
 
 /// `ingest.non_manifold`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum NonManifold {
-    /// The mesh is taken as it is: the Laplacian couples all triangles that meet there.
+    /// The mesh is taken as it is, and the Laplacian couples all triangles that meet there.
     #[default]
     Accept,
-    /// The mesh fails.
+    /// It is a failed mesh.
     Refuse,
 }
 
 /// `ingest.degenerate_faces`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DegenerateFaces {
-    /// They are dropped, and the result says how many.
+    /// They are left out, and the result says how many.
     #[default]
     Drop,
-    /// The mesh fails.
+    /// It is a failed mesh.
     Refuse,
 }
 

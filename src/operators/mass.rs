@@ -1,20 +1,21 @@
 //! The mass matrix B: lumped (6), Voronoi, consistent (11), or the degrees that belong to the graph Laplacian (5).
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Pattern, Sparse, Triangle};
 
 /// Which inner product of functions the mass matrix stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MassKind {
-    /// Diagonal, b_i = ⅓ Σ|τ_j| over the triangles at vertex i (6).
+    /// Diagonal, b_i = ⅓ Σ|τ_j| (6): a third of the area of the triangles at a vertex.
     Lumped,
-    /// Diagonal, b_i = the mixed Voronoi area of vertex i (Meyer, Desbrun, Schröder and Barr 2003).
+    /// Diagonal, b_i = the area nearest to vertex i: the mixed Voronoi area of Meyer, Desbrun, Schröder and Barr (2003).
     Voronoi,
-    /// The P1 finite-element mass (11), as sparse as the stiffness.
+    /// That of linear finite elements (11), as sparse as the stiffness.
     Consistent,
-    /// Diagonal, b_i = the number of neighbours of vertex i: the D that makes (5) symmetric. Unit-free.
+    /// Diagonal, b_i = the number of neighbours of vertex i: the D that makes (5) symmetric. For the graph Laplacian alone.
     Degree,
 }
 

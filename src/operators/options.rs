@@ -2,21 +2,24 @@
 
 use std::fmt;
 
+use schemars::{JsonSchema, Schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::json;
 
 use super::{MassKind, OperatorError};
 
 /// A discrete Laplacian, as the symmetric pencil (L, B) of (8) that has its eigenpairs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Laplacian {
-    /// (12): the cotangent stiffness, by default with the consistent mass.
+    /// (12): the cotangent stiffness, with the consistent mass unless another is asked for.
     Fem,
-    /// (7): the cotangent stiffness, by default with the lumped mass.
+    /// (7): the cotangent stiffness, with the lumped mass unless another is asked for.
     #[default]
     Cotangent,
-    /// (5): I − W, as (D − A, D). It sees edges and no lengths: its eigenvalues are numbers without a unit, at most 2.
+    /// (5): I − W, as (D − A, D). It sees edges and no lengths: its eigenvalues are numbers without a unit, at most 2. It cannot be
+    /// trained.
     Graph,
 }
 
@@ -47,13 +50,13 @@ impl Laplacian {
 }
 
 /// What holds on the boundary of the surface.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Boundary {
-    /// The normal derivative vanishes: nothing to be done.
+    /// The normal derivative vanishes.
     #[default]
     Neumann,
-    /// The function vanishes: the rows and columns of boundary vertices are eliminated.
+    /// The function vanishes. A mesh without boundary cannot have this.
     Dirichlet,
 }
 
@@ -76,15 +79,17 @@ impl Boundary {
 }
 
 /// Which triangles of the surface operators are assembled on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema)]
+#[schemars(transform = Robust::as_written)]
 pub enum Robust {
-    /// `false`: those of the mesh.
+    /// The mesh's own.
     #[default]
     Off,
-    /// `true`: those of its mollified intrinsic Delaunay triangulation.
+    /// Those of the intrinsic Delaunay triangulation of the surface, its thinnest triangles made a little wider.
     Intrinsic,
-    /// `"tufted"`: those of the mollified intrinsic Delaunay triangulation of its tufted cover, which is flipped where
-    /// three and more triangles meet, and on the boundary, too.
+    /// The same on the tufted cover of the surface (Sharp and Crane 2020), which takes two sheets of it and halves what they add up
+    /// to: no weight is negative then, at edges of three and more triangles and on the boundary either. On a closed manifold mesh it
+    /// is what true is.
     Tufted,
 }
 
@@ -98,6 +103,14 @@ impl Robust {
             Self::Off => "false",
             Self::Intrinsic => "true",
             Self::Tufted => TUFTED,
+        }
+    }
+
+    /// The schema of the variants' names as one of what stands in a file for them.
+    fn as_written(schema: &mut Schema) {
+        let values = schema.get_mut("oneOf").and_then(|values| values.as_array_mut());
+        for (value, robust) in values.into_iter().flatten().zip(Self::ALL) {
+            *value = json!({ "const": robust, "description": value["description"] });
         }
     }
 }
@@ -149,18 +162,19 @@ impl<'de> Deserialize<'de> for Robust {
 }
 
 /// Which operators are assembled, and which problem they pose.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct OperatorOptions {
-    /// `fem` (12), `cotangent` (7) or `graph` (5).
+    /// Which Laplacian. The first two share the cotangent stiffness and differ in their masses.
     pub laplacian: Laplacian,
-    /// `lumped` (6), `voronoi`, `consistent` (11) or `degree`; `auto` is the Laplacian's own.
+    /// The mass matrix.
     #[serde(with = "auto")]
+    #[schemars(schema_with = "auto::schema")]
     pub mass: Option<MassKind>,
-    /// Which triangles they are assembled on. The graph Laplacian stays that of the mesh.
+    /// Which triangles they are assembled on: for meshes with slivers. The network still sees the edges of the mesh, and the graph
+    /// Laplacian stays what it is.
     pub robust: Robust,
-    /// `neumann` or `dirichlet`. Assembly does not depend on it: boundary vertices are eliminated when the eigenproblem
-    /// is posed.
+    /// What holds on the boundary.
     pub boundary: Boundary,
 }
 
@@ -192,8 +206,10 @@ impl From<MassKind> for OperatorOptions {
 
 /// `auto` for no choice.
 mod auto {
+    use schemars::{JsonSchema, Schema, SchemaGenerator};
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};
+    use serde_json::json;
 
     use super::MassKind;
 
@@ -201,6 +217,19 @@ mod auto {
 
     pub fn serialize<S: Serializer>(mass: &Option<MassKind>, out: S) -> Result<S::Ok, S::Error> {
         out.serialize_str(mass.map_or("auto", MassKind::name))
+    }
+
+    /// Those of [`MassKind`], and `auto`.
+    pub fn schema(generator: &mut SchemaGenerator) -> Schema {
+        let mut schema = MassKind::json_schema(generator);
+        let auto = json!({
+            "const": "auto",
+            "description": "Lumped for \"cotangent\", consistent for \"fem\", degree for \"graph\".",
+        });
+        if let Some(values) = schema.get_mut("oneOf").and_then(|values| values.as_array_mut()) {
+            values.insert(0, auto);
+        }
+        schema
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<MassKind>, D::Error> {

@@ -2,16 +2,18 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::de::{Deserialize, Deserializer, Error, Unexpected, Visitor};
 use serde::ser::{Serialize, Serializer};
 
 /// How many eigenpairs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
+#[schemars(untagged)]
 pub enum Count {
-    /// So many.
+    /// A number: so many.
     Number(usize),
-    /// So many for a hundred vertices, rounded; at least one.
-    Percent(f64),
+    /// Or so many for a hundred vertices, rounded; at least one.
+    Percent(#[schemars(with = "String", pattern(r"^ *[0-9.]+ *%$"))] f64),
 }
 
 impl Count {

@@ -205,12 +205,14 @@ fn refuse_unknown(name: &str, table: &Table, known: &[String]) -> Result<(), Pip
         .find(|key| !known.contains(key) && !sections.contains(&key.as_str()));
     match unknown {
         None => Ok(()),
-        Some(key) => Err(PipelineError::UnknownKey {
-            path: name.to_string(),
-            nearest: nearest(&key, known),
-            key,
-        }),
+        Some(key) => Err(unknown_key(name, &key, known)),
     }
+}
+
+/// That there is no such option among those that are known; `name` says where it was asked for.
+pub(super) fn unknown_key(name: &str, key: &str, known: &[String]) -> PipelineError {
+    let nearest = nearest(key, known);
+    PipelineError::UnknownKey { path: name.to_string(), key: key.to_string(), nearest }
 }
 
 /// Options that have become others.

@@ -6,6 +6,7 @@
 //! - `file`: from a file's text, the recipe's defaults and `--set` to a [`Pipeline`]
 //! - `recipe_file`: options of `[train]` in a file of their own, which a search leaves
 //! - `check`: which values can work, alone and together
+//! - `reference`: what every option means
 //! - `sweep`: a file with variants of a pipeline, which are compared
 //! - `error`: why a pipeline cannot be run
 
@@ -17,12 +18,14 @@ mod mpgd_step;
 mod pages;
 mod publish;
 mod recipe_file;
+pub mod reference;
 pub mod sweep;
 mod train;
 mod verify;
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ggnn::features::FeatureOptions;
@@ -41,52 +44,53 @@ pub use train::{Method, RecipeName, Refine, Train};
 pub use verify::{Formula, MpgdDirection, Verify};
 
 /// What to compute, for which meshes, and how to judge it.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Pipeline {
-    /// Where meshes come from.
     pub input: Input,
-    /// `[ingest]`: which meshes are turned away.
     pub ingest: IngestOptions,
-    /// The variants that a model is trained on.
     pub family: FamilyRecipe,
-    /// `[operators]`: which Laplacian, with which mass.
     pub operators: OperatorOptions,
-    /// What the network reads.
     pub features: FeatureOptions,
-    /// How many eigenpairs, and how blocks are trained.
     pub train: Train,
-    /// The second opinions, and the tolerances of the verdict.
     pub verify: Verify,
-    /// The files that are written.
     pub publish: Publish,
 }
 
-/// `[input]`
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// Where meshes come from.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Input {
-    /// Mesh files, folders that are searched for them, patterns and lists of either; relative to the pipeline file.
+    /// Mesh files (.obj, .off, .ply, .stl, .vtk, .vtp, .gltf or .glb), or folders that are searched for them; relative to the
+    /// pipeline file. Folders of results are passed over. Or patterns of either, "scans/*.obj", "scans/**/left_?.ply",
+    /// "scans/{a,b}": `*` and `?` stay within a folder, `**` does not, and a name that is there as it is written is no pattern. Or
+    /// lists: text files that end in .txt or .lst, with one of these a line, relative to the list; blank lines and those that begin
+    /// with # say nothing.
+    ///
+    /// The results of a mesh lie in a folder of its name: the path below the folder that was searched, below the folder before the
+    /// first wildcard, or below that of the list. `--input PATH…` on the command line takes their place.
     pub paths: Vec<PathBuf>,
-    /// Samplings of surfaces that have a formula.
+    /// Surfaces that have a formula, sampled: for example generate = [{ shape = "square", vertices = [144, 932], count = 20, seed = 7 }],
+    /// which is 20 meshes with 144 vertices and 20 with 932, as files in the folder `generated` of the output folder (`explain` and
+    /// `--dry-run` make them too).
     pub generate: Vec<Generate>,
 }
 
 /// An entry of `input.generate`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Generate {
-    /// The surface.
+    /// The surface, as `chladni generate` makes it.
     pub shape: Shape,
-    /// How many vertices: one sampling or more for each number.
+    /// Numbers of vertices.
     pub vertices: Vec<usize>,
-    /// How many samplings with each number of vertices.
+    /// How many samplings with each of them; 1 where it is not given.
     #[serde(default = "one")]
     pub count: u64,
-    /// Another one makes other samplings.
+    /// Another one makes other samplings; 0 where it is not given.
     #[serde(default)]
     pub seed: u64,
-    /// Whether they are those that a family with this seed is trained on.
+    /// What they are for; "test" where it is not given.
     #[serde(default)]
     pub set: Set,
 }

@@ -1,7 +1,9 @@
 //! `verify.mpgd_step`: the name `"exact"`, or a number α.
 
+use std::borrow::Cow;
 use std::fmt;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
 use serde::ser::{Serialize, Serializer};
 
@@ -12,6 +14,23 @@ pub enum MpgdStep {
     Exact,
     /// α times the projected gradient.
     Fixed(f64),
+}
+
+impl JsonSchema for MpgdStep {
+    fn schema_name() -> Cow<'static, str> {
+        "MpgdStep".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "oneOf": [
+            { "const": EXACT, "description": "To the lowest quotient along its direction." },
+            {
+                "type": "number",
+                "exclusiveMinimum": 0.0,
+                "description": "A number α: the paper's fixed step, which goes down the plain \"gradient\" alone.",
+            },
+        ] })
+    }
 }
 
 const EXACT: &str = "exact";

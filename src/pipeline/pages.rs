@@ -2,13 +2,16 @@
 
 use std::fmt;
 
+use schemars::{JsonSchema, Schema};
 use serde::de::{Deserialize, Deserializer, Error, Unexpected, Visitor};
 use serde::ser::{Serialize, Serializer};
+use serde_json::json;
 
 /// Whether pages for people are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema)]
+#[schemars(transform = Pages::as_written)]
 pub enum Pages {
-    /// When a run shows itself on a terminal.
+    /// When `chladni run` shows its results on a terminal.
     #[default]
     Auto,
     /// Always.
@@ -18,6 +21,18 @@ pub enum Pages {
 }
 
 const AUTO: &str = "auto";
+
+impl Pages {
+    const ALL: [Self; 3] = [Self::Auto, Self::Written, Self::None];
+
+    /// The schema of the variants' names as one of what stands in a file for them.
+    fn as_written(schema: &mut Schema) {
+        let values = schema.get_mut("oneOf").and_then(|values| values.as_array_mut());
+        for (value, pages) in values.into_iter().flatten().zip(Self::ALL) {
+            *value = json!({ "const": pages, "description": value["description"] });
+        }
+    }
+}
 
 impl Serialize for Pages {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

@@ -1,19 +1,22 @@
 //! `[publish]`: which files are written of every mesh.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Pages;
 use crate::descriptors::Descriptor;
 
-/// `[publish]`
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// The files that are written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Publish {
-    /// The formats of the results; [`ExportFormat::Npz`] is always among them.
+    /// The files of every mesh (docs/outputs.md). "npz" is always written; the files of a format that is taken out of the list are
+    /// removed.
     pub formats: Vec<ExportFormat>,
-    /// What `descriptors.npz` holds; without any it is not written.
+    /// What descriptors.npz holds; without any it is not written.
     pub descriptors: Vec<Descriptor>,
-    /// Write `report.html`: a page for people, of every mesh and of a run.
+    /// Write report.html, a page for people with the mesh to turn, nodal lines, checks, times and where all of it comes from: one
+    /// beside the results of every mesh, and one for the run in the output folder.
     pub report: Pages,
     /// What `chladni watch` does with the results of a mesh that was deleted.
     pub on_delete: OnDelete,
@@ -34,10 +37,10 @@ impl Publish {
 }
 
 /// An entry of `publish.formats`. What each of its files holds is said where it is written, in [`crate::publish::export`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ExportFormat {
-    /// Eigenpairs and mesh for numpy. It marks the folder as one of results, so that it is always there.
+    /// Eigenpairs and mesh for numpy.
     Npz,
     /// The same as one JSON document.
     Json,
@@ -81,7 +84,7 @@ impl ExportFormat {
 }
 
 /// `publish.on_delete`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OnDelete {
     /// They stay.

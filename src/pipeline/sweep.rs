@@ -27,6 +27,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -80,28 +81,28 @@ pub struct Described {
 }
 
 /// What is measured of a variant, from the results of its meshes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Column {
-    /// Its name.
+    /// Its title.
     pub name: String,
-    /// The quantity.
+    /// What is measured.
     pub what: Quantity,
-    /// Of whose eigenpairs.
+    /// Of whose eigenpairs; "own" where it is not given.
     #[serde(default)]
     pub of: Whose,
-    /// Of which: one k, or the mean over [first, last].
+    /// Of which of them.
     pub k: Places,
-    /// The mean over the meshes whose name has this in it; all of them where it is empty.
+    /// Part of the names of the meshes that are averaged over; all of them where it is not given.
     #[serde(default)]
     pub mesh: String,
-    /// The true value, where the quantity is no error by itself.
+    /// The true value of an eigenvalue.
     #[serde(default)]
     pub exact: Option<f64>,
 }
 
 /// `what` of a [`Column`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
     /// (31) against a formula, both functions of unit B-norm.
@@ -121,7 +122,7 @@ pub enum Quantity {
 }
 
 /// `of` of a [`Column`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Whose {
     /// The pipeline's own.
@@ -134,12 +135,12 @@ pub enum Whose {
 }
 
 /// One k, or several.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Places {
-    /// One.
+    /// A number.
     One(usize),
-    /// From the first to the last.
+    /// The mean over [first, last].
     Range([usize; 2]),
 }
 
@@ -180,20 +181,29 @@ pub enum Effort {
     Quick,
 }
 
-/// `[sweep]`
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+/// What is compared, and how it is shown.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-struct Section {
+pub(super) struct Section {
+    /// What the table is of.
     title: String,
+    /// train.seed of every variant; [0] where it is not given.
     seeds: Option<Vec<u64>>,
+    /// What the table shows of every variant.
     columns: Vec<Column>,
 }
 
 /// What stands beside the options of a `[[variant]]`.
-struct Variant {
+#[derive(JsonSchema)]
+pub(super) struct Variant {
+    /// Its name, with a letter or digit.
     name: String,
+    /// In place of those of the sweep.
     seeds: Option<Vec<u64>>,
+    /// What somebody else has found, by the name of the column.
+    #[schemars(default)]
     printed: BTreeMap<String, f64>,
+    #[schemars(with = "Pipeline", flatten)]
     options: Table,
 }
 

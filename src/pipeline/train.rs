@@ -1,7 +1,9 @@
 //! `[train]`: how many eigenpairs, by which method, and the recipe that the options of a training make.
 
+use schemars::{JsonSchema, Schema};
 use serde::de::{Deserializer, Error, Unexpected};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 use super::Count;
 use super::recipe_file::is_recipe_file;
@@ -13,97 +15,124 @@ use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::BOUNDARY_PENALTY;
 use crate::ggnn::tune::Choice;
 
-/// `[train]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// How many eigenpairs, by which method, and how blocks are trained.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Train {
-    /// `lep-dpinn`: blocks are trained, and predict; `predict`: those of a trained model do; `fem`: the reference solver
-    /// alone; `mpgd`: the paper's Algorithm 1.
+    /// Where eigenpairs come from.
     pub method: Method,
-    /// The model of `predict`: a file, relative to the pipeline file, or a name in the cache. Empty for none.
+    /// The model of "predict": a file that `chladni model export` wrote, relative to this one, or a name of `chladni model list`.
     pub model: String,
-    /// How blocks are trained: `ritz` or `paper`. A pipeline file may name a recipe file here, whose options are then among
-    /// these.
+    /// How blocks are trained. Where "paper" has another default, it is given in brackets. An option of one recipe that is changed
+    /// beside the other is refused.
     pub recipe: RecipeName,
-    /// What is made of learned eigenfunctions.
+    /// A second result beside learned eigenpairs. λ and the angles stay those before.
     pub refine: Refine,
-    /// K: eigenpairs, the constant included.
+    /// Eigenpairs, the constant included: 8 trains 7 blocks on a mesh of one piece, and 8 where Dirichlet conditions leave no constant.
+    /// Or a share of the vertices, k = "10%": every mesh then has its own number.
     pub k: Count,
     /// Seeds the initial weights and the order of batches.
     pub seed: u64,
-    /// `per-eigenfunction`: each has a trunk of its own; `shared`: all are heads on one, trained together.
+    /// What has a trunk of its own.
     pub trunk: Trunks,
-    /// h_f: hidden features.
+    /// Hidden features h_f.
     pub width: usize,
-    /// H: hidden layers.
+    /// Hidden layers H.
     pub layers: usize,
-    /// What a hidden layer is: `sggc` (29), `pointwise`, which is the same without its neighbours, `gcn` or `gat`.
+    /// What a hidden layer is. ["paper": "sggc"]
     pub layer: Layer,
-    /// I: iterations of (29) in a layer.
+    /// Iterations I of equation (29) in a layer; 1 for "gcn" and "gat", which do not iterate.
     pub iterations: usize,
-    /// `sin`, `tanh` or `relu`, in the encoder and in every layer.
+    /// The function of encoder and layers.
     pub activation: Activation,
-    /// γ₁: the encoder's weights start in [−γ₁, γ₁] or [0, γ₁].
+    /// γ₁: the encoder's weights start in [-encoder_range, encoder_range]: the band of frequencies it offers. ["paper": 1]
     pub encoder_range: f64,
-    /// γ₂: the hidden weights start in [−γ₂, γ₂] or [0, γ₂].
+    /// γ₂: the hidden weights start in [-hidden_range, hidden_range]. An "sggc" layer starts near σ(x) where this is small. "gcn" and
+    /// "gat" have no such term, and shrink their features with it; sqrt(3/width) keeps their size.
     pub hidden_range: f64,
-    /// Which of them: `symmetric`, with phases in [−π, π], or `positive`, with phases in [0, γ₁].
+    /// Where initial weights lie. ["paper": "positive"]
     pub initial_weights: Interval,
-    /// Family members in one step.
+    /// Family members in one step. ["paper": 10]
     pub batch: usize,
-    /// Adam's learning rate at the first step. By `ritz` it falls to zero along a half cosine.
+    /// Adam's learning rate at the first step; by "ritz" it falls to zero along a half cosine. ["paper": 1e-3]
     pub learning_rate: f64,
-    /// `ritz`: Adam steps for a block.
+    /// "ritz": Adam steps for a trunk. [trunk = "shared": 600]
     pub steps: usize,
-    /// `ritz`: the head's ridge, relative to the trace of the features' stiffness: what keeps ill-conditioned combinations
-    /// of features out.
+    /// "ritz": the ridge under which the head is solved, relative to the trace of the features' stiffness: it keeps combinations of
+    /// features out that need huge weights.
     pub ridge: f64,
-    /// `shared`: eigenfunctions beyond k that training goes down with the others, so that φ_k does not mix with them.
+    /// trunk = "shared": eigenfunctions beyond k that training goes down with the others, so that φ_k does not mix with the next ones.
+    /// ["shared": 4]
     pub spare: usize,
-    /// `ritz`: how often variants are subdivided, and their vertices moved to the mesh, before the heads of a trunk are solved
-    /// for the last time.
+    /// "ritz": how often the variants are subdivided, with the new vertices on the mesh, before the heads are solved for the last
+    /// time; at most 3. Each time takes a forward pass over four times the vertices, and makes the angles smaller. ["shared": 1]
     pub head_subdivisions: usize,
-    /// `ritz`: variants, the last ones, that training does not see: it ends when it becomes no better there.
+    /// "ritz": so many variants, the last ones, are held out: training does not see them, is checked on them ten times, ends when four
+    /// checks in a row found nothing better, and keeps the weights of the best. docs/training.md has what that is worth. A mesh that
+    /// is trained on alone has none to spare.
     pub held_out: usize,
-    /// `ritz`: how many recipes are tried, this one among them, before the best is trained by.
+    /// "ritz": try so many recipes, this one among them, before training, and train by the best: other learning rates, encoder and
+    /// hidden ranges, ridges, batches, for a shared trunk spare eigenfunctions, under Dirichlet conditions boundary penalties. Judged
+    /// by λ on a quarter of the variants, which the trials do not see. What was found is saved as recipe.toml beside the results. 0:
+    /// none. A mesh that is trained on alone keeps its recipe. A search takes longer than the training of its mesh (docs/training.md).
     pub tune: usize,
-    /// `ritz`: the share of the steps that is taken when training goes on from the blocks of a mesh's previous version; 0: it
-    /// never does.
+    /// "ritz": a mesh that was trained before, and has changed, may begin with the blocks of its previous version (docs/lineage.md).
+    /// Where they are trained on, this share of the steps is taken. 0: they are not trained on.
     pub fine_tune: f64,
-    /// What holds the network to 0 on a Dirichlet boundary, relative to the stiffness's own diagonal.
+    /// Under Dirichlet conditions: what holds the network's own values on the boundary to 0, as a multiple of the stiffness's diagonal
+    /// there. docs/training.md says what it is for.
     pub boundary_penalty: f64,
-    /// `ritz`: parallel tapes, at most one a member of a batch. The bits of a result depend on it, but not on the number
-    /// of threads.
+    /// "ritz": parallel tapes, at most one for every variant of a batch; where there is one alone, all threads share the vertices of
+    /// its variant. The bits of a result depend on this, but not on the number of threads. By "paper" they depend on neither.
     pub shards: usize,
-    /// `paper`: passes through the family for a block.
+    /// "paper": how often training goes through the family for a block.
     pub epochs: usize,
-    /// `paper`: after so many epochs the learning rate is multiplied by `decay`.
+    /// "paper": after so many epochs the learning rate is multiplied by `decay`.
     pub milestones: Vec<usize>,
-    /// `paper`: see `milestones`.
+    /// "paper": see `milestones`.
     pub decay: f64,
-    /// `paper`: α₁ of (23), of the boundary condition (24).
+    /// "paper": α₁ of (23), of the boundary condition (24), which closed surfaces and the Neumann condition do not have. This and the
+    /// next two are for B scaled to unit area, so that they do not depend on units.
     pub boundary_weight: f64,
-    /// `paper`: α₂ of (23), of the residual (25).
+    /// "paper": α₂ of (23), of the residual (25).
     pub residual_weight: f64,
-    /// `paper`: α₃ of (23), of orthogonality (26).
+    /// "paper": α₃ of (23), of orthogonality to the earlier eigenfunctions (26).
     pub orthogonality_weight: f64,
-    /// `paper`: the share of α₂ in the first epoch.
+    /// "paper": the share of α₂ in the first epoch.
     pub residual_start: f64,
-    /// `paper`: the first epoch with all of α₂.
+    /// "paper": the first epoch that has all of α₂; until then its share changes by the same factor from epoch to epoch. 0: all of it
+    /// from the start.
     pub residual_warmup: usize,
-    /// `paper`: the rows of (25) that count under Dirichlet conditions.
+    /// "paper": the rows of (25) that count under Dirichlet conditions.
     pub residual_rows: ResidualRows,
 }
 
 /// `train.recipe`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
+#[schemars(transform = RecipeName::or_a_file)]
 pub enum RecipeName {
-    /// The decoder is solved, Adam trains the trunk on the Rayleigh quotient.
+    /// The decoder is solved, and Adam trains the rest on the Rayleigh quotient.
     #[default]
     Ritz,
-    /// Adam trains all weights on the loss (23), as the paper does.
+    /// Adam trains all weights on the loss (23)–(26), as the paper does (docs/training.md, "Recipe paper"). Dirichlet conditions are a
+    /// term of the loss, and what it predicts has zeros on the boundary.
     Paper,
+}
+
+impl RecipeName {
+    /// The schema of these names as one that lets a recipe file stand there too.
+    fn or_a_file(schema: &mut Schema) {
+        let file = json!({
+            "type": "string",
+            "pattern": r"(\.toml$)|/|\\",
+            "description": "Or a recipe file, relative to this one, such as `tune` leaves: a file with [train] alone, whose options lie \
+                            under those of this file.",
+        });
+        if let Some(names) = schema.get_mut("oneOf").and_then(|names| names.as_array_mut()) {
+            names.push(file);
+        }
+    }
 }
 
 impl<'de> Deserialize<'de> for RecipeName {
@@ -124,29 +153,29 @@ impl<'de> Deserialize<'de> for RecipeName {
 }
 
 /// `train.method`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// The paper's network, trained for every mesh.
+    /// A network is trained for the eigenfunctions of a mesh, and predicts them.
     LepDpinn,
-    /// Finite elements and an eigensolver, without any training.
+    /// The reference solver alone, for whole folders at once: no training, residuals and counts in place of second opinions.
     Fem,
-    /// M-PGD, without any training.
+    /// The paper's Algorithm 1, without any training.
     Mpgd,
-    /// A trained model, without any training here.
+    /// The blocks of a trained model predict (docs/predict.md).
     Predict,
 }
 
 /// `train.refine`: a second result beside the learned eigenpairs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Refine {
-    /// None.
+    /// No second result.
     #[default]
     None,
-    /// The Ritz pairs on the span of the learned functions.
+    /// The best pairs on the span of the learned functions.
     RayleighRitz,
-    /// The reference solver's iteration, started from the learned functions.
+    /// The reference solver's, started from the learned functions.
     Full,
 }
 

@@ -2,6 +2,7 @@
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::flip::flip;
@@ -15,44 +16,46 @@ use crate::mesh::subdivide::subdivide;
 use crate::mesh::trimesh::InvalidMesh;
 use crate::mesh::{Topology, TriMesh};
 
-/// Which variants to make.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Every mesh is trained on variants of itself, so that a block learns the shape and not one sampling of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct FamilyRecipe {
-    /// What the members are samplings of. Of a surface with a formula only `members`, `vertices` and `seed` count.
+    /// What the variants are of: the mesh, or a surface with a formula of which the mesh is one more sampling. One training then
+    /// serves all meshes of the run; of the options here only members, vertices and seed count.
     pub of: Of,
-    /// How many meshes; 1 is the mesh itself.
+    /// How many variants; 1 trains on the mesh alone.
     pub members: usize,
-    /// What is done to the mesh for every variant, in this order.
+    /// What is done to the mesh for each of them, in this order. ["subdivide", "simplify", "perturb", "flip"], for example, samples the
+    /// surface anew. Boundaries stay where "perturb" and "flip" find them.
     pub operations: Vec<Operation>,
-    /// About how many vertices `simplify` leaves, one number or a range to draw from; at most three quarters of those
-    /// that there are. A mesh that has no more than this itself, or than 620, is not simplified: coarser variants of it would
-    /// be another shape.
+    /// About how many vertices "simplify" leaves: a number, or a range [fewest, most] that every variant draws its own from; at most
+    /// three quarters of those that there are. A mesh that has no more than this itself, or than 620, is not simplified: coarser
+    /// variants of it would be another shape. If nothing else is done to it, it is trained on alone.
     pub vertices: Resolution,
-    /// How far vertices move, in mean edge lengths, while the collapses are chosen.
+    /// "simplify": how far vertices move at random, in mean edge lengths, while it is decided which of them a variant keeps.
     pub jitter: f64,
-    /// How far `perturb` moves vertices, in mean lengths of their edges.
+    /// "perturb": how far a vertex moves at most, in mean lengths of its edges.
     pub perturbation: f64,
-    /// The share of edges that `flip` tries.
+    /// "flip": the share of edges that are tried.
     pub flips: f64,
-    /// Seeds all of this.
+    /// Seeds all of these. Variant i depends on it and on i, but not on how many there are.
     pub seed: u64,
 }
 
 /// `family.of`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Of {
-    /// The mesh itself: its variants. The paper's single-instance case, made a multi-instance one.
+    /// The mesh itself.
     #[default]
     Mesh,
-    /// [`Shape::Square`]. With this and the others, the paper's multi-instance case: the mesh is a sampling too.
+    /// [0, π]² in the plane z = 0, a tenth of the vertices on the boundary.
     Square,
-    /// [`Shape::Sphere`].
+    /// Of radius 1 around the origin.
     Sphere,
-    /// [`Shape::Torus`].
+    /// Of radii 1 and 0.4.
     Torus,
-    /// [`Shape::Vase`].
+    /// A surface of revolution, open at its foot and at its mouth.
     Vase,
 }
 
@@ -70,16 +73,16 @@ impl Of {
 }
 
 /// A change of the sampling that keeps the surface, or nearly so.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Operation {
-    /// Fewer vertices, see [`super::simplify`].
+    /// Vertices are taken away.
     Simplify,
-    /// Vertices elsewhere on the surface, see [`super::perturb`].
+    /// Vertices move at random along the surface.
     Perturb,
-    /// Other triangles between the same vertices, see [`super::flip`].
+    /// The diagonals of nearly flat pairs of triangles are exchanged.
     Flip,
-    /// Four triangles for every one, see [`crate::mesh::subdivide`].
+    /// Every triangle becomes four.
     Subdivide,
 }
 

@@ -1,10 +1,11 @@
 //! `family.vertices`: a number, or the range `[fewest, most]` that members draw theirs from.
 
 use rand::Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// About how many vertices members have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "Written", into = "Written")]
 pub struct Resolution {
     /// No member is asked for fewer.
@@ -31,7 +32,7 @@ impl From<usize> for Resolution {
 }
 
 /// How it stands in a file.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "a number of vertices, or the range [fewest, most]")]
 enum Written {
     One(usize),

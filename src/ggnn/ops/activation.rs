@@ -1,12 +1,13 @@
 //! The functions between layers: sin as in (28) and (29), and the two that the paper's Table 2 compares it with.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::loan::Loan;
 use super::real::{Real, sin_in_place, widely};
 
 /// A function that is applied to every entry, in the encoder and in every layer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Activation {
     /// sin x.

@@ -15,6 +15,7 @@ pub mod loss;
 pub mod network;
 pub mod train;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::features::COORDINATES;
@@ -70,7 +71,7 @@ pub struct Warmup {
 }
 
 /// `train.residual_rows`: which rows of (25) count under Dirichlet conditions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResidualRows {
     /// Those of inner vertices; in the others stands the flux through the boundary, which is not zero.

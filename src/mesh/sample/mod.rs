@@ -15,33 +15,34 @@ pub mod square;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Topology, TriMesh};
 pub use icosphere::icosphere;
 
 /// A surface with a formula.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Shape {
-    /// [0, π]² in the plane z = 0.
+    /// [0, π]² in the plane z = 0, a tenth of the vertices on the boundary.
     Square,
-    /// Radius 1.
+    /// Of radius 1 around the origin.
     Sphere,
-    /// Radii 1 and 0.4.
+    /// Of radii 1 and 0.4.
     Torus,
     /// A surface of revolution, open at its foot and at its mouth.
     Vase,
 }
 
 /// What samplings are for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Set {
     /// None of them is among those that a family is trained on.
     #[default]
     Test,
-    /// They are those that a family of this seed and this number of vertices is trained on.
+    /// They are the very samplings that a family of this seed and this number of vertices is trained on.
     Training,
 }
 
