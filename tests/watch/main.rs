@@ -20,6 +20,9 @@ use chladni::publish::result::{Spectrum, Verdict};
 use chladni::publish::watched::Happened;
 use common::{Workspace, events, obj};
 
+/// When a thing is taken not to come any more: late enough for a machine that has other work.
+const PATIENCE: Duration = Duration::from_secs(300);
+
 /// Solved in a few milliseconds.
 const FEM: &str = "[train]\nmethod = \"fem\"\nk = 4\n";
 
@@ -75,7 +78,7 @@ impl Watched {
 
     /// All that is said until something of this kind.
     fn until(&self, is_it: impl Fn(&Happened) -> bool) -> Vec<Happened> {
-        let deadline = Instant::now() + Duration::from_secs(60);
+        let deadline = Instant::now() + PATIENCE;
         let mut said = Vec::new();
         loop {
             match self.heard.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
