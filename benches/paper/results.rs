@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use chladni::mesh::TriMesh;
 use chladni::pipeline::sweep::folder_name;
-use chladni::publish::sweep::SweepReport;
+use chladni::publish::sweep::{CaseReport, SweepReport};
 use chladni::spectrum::Dense;
 use npyz::npz::NpzArchive;
 
@@ -38,15 +38,15 @@ impl Experiment {
         Ok(Self { name: name.into(), report: serde_json::from_slice(&bytes)?, folder })
     }
 
-    /// Whether a variant was run.
-    pub fn has(&self, variant: &str) -> bool {
-        self.report.cases.iter().any(|case| case.variant == variant)
+    /// The run of a variant by the first of its seeds.
+    pub fn case(&self, variant: &str) -> Outcome<&CaseReport> {
+        let case = self.report.cases.iter().find(|case| case.variant == variant);
+        Ok(case.ok_or_else(|| format!("{variant} was not run"))?)
     }
 
     /// What a variant has found for a mesh, by the first of its seeds.
     pub fn solved(&self, variant: &str, mesh: &str) -> Outcome<Solved> {
-        let case = self.report.cases.iter().find(|case| case.variant == variant);
-        let case = case.ok_or_else(|| format!("{variant} was not run"))?;
+        let case = self.case(variant)?;
         let file =
             self.folder.join(folder_name(variant)).join(format!("seed-{}", case.seed)).join(mesh);
         let mut npz = NpzArchive::new(BufReader::new(File::open(file.join("eigen.npz"))?))?;

@@ -65,7 +65,7 @@ pub fn schema() -> Schema {
 
 /// Every option with its default and what it means: a pipeline file.
 pub fn defaults() -> String {
-    text(&default_parts())
+    text(&parts(&default_options()))
 }
 
 /// A sweep, with what the keys of it mean that no pipeline has.
@@ -78,8 +78,7 @@ pub fn sweep() -> String {
 /// # Errors
 /// [`PipelineError::UnknownKey`].
 pub fn about(name: &str) -> Result<String, PipelineError> {
-    let mut all = default_parts();
-    all.extend(parts(SWEEP));
+    let mut all = parts(&(default_options() + SWEEP));
     let known: Vec<String> = all.iter().map(|part| part.name.clone()).collect();
     let within = format!("{name}.");
     all.retain(|part| part.name == name || part.name.starts_with(&within));
@@ -96,8 +95,8 @@ struct Part {
     text: String,
 }
 
-fn default_parts() -> Vec<Part> {
-    parts(&toml::to_string(&Pipeline::default()).unwrap_or_default())
+fn default_options() -> String {
+    toml::to_string(&Pipeline::default()).unwrap_or_default()
 }
 
 /// The sections and options of a file in its order. What is there again is not explained again.
@@ -145,15 +144,14 @@ fn text(parts: &[Part]) -> String {
 /// What a section or option means, as comments; nothing for options of a pipeline inside a variant.
 fn meaning(schema: &Value, name: &str) -> String {
     let mut names = name.split('.');
-    let within = |of: &Value, name: &str| element(of)["properties"][name].clone();
-    let meant = names.by_ref().take(2).fold(schema.clone(), |schema, name| within(&schema, name));
+    let meant = names.by_ref().take(2).fold(schema, |of, name| &element(of)["properties"][name]);
     if names.next().is_some() {
         return String::new();
     }
     let mut comment = String::new();
-    describe(&meant, "# ", "", &mut comment);
+    describe(meant, "# ", "", &mut comment);
     if name.contains('.') {
-        values(&meant, 1, &mut comment);
+        values(meant, 1, &mut comment);
     }
     comment
 }

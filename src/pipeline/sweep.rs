@@ -1,26 +1,7 @@
 //! A pipeline file with variants: the same pipeline several times, each with some options of its own, compared in one table.
 //!
-//! ```toml
-//! [train]
-//! k = 1
+//! [`super::reference::sweep`] shows one, with what its keys mean.
 //!
-//! [sweep]
-//! title = "How wide a trunk should be"
-//! seeds = [0, 1, 2]
-//! columns = [{ name = "error", what = "mse", k = 1 }]
-//!
-//! [[variant]]
-//! name = "narrow"
-//! train.width = 64
-//! printed = { error = 5e-6 }
-//!
-//! [[variant]]
-//! name = "wide"
-//! train.width = 256
-//!
-//! [quick]                      # laid over every variant by --quick
-//! train.steps = 5
-//! ```
 //! What is laid over what, the later over the earlier: the file's own options, the variant's, those of `[quick]` where that is
 //! asked for (as far as the variant's recipe reads them), the seed, `--set`. A file without variants is a sweep of one.
 
