@@ -7,6 +7,8 @@
 //!                                        └─► descriptors ─► publish ─┼─► stages ─► cli
 //! store, flow, watch (know nothing of meshes) ───────────────────────┘
 //! ```
+//! `schema` says what options are to editors, and knows nothing of any.
+//!
 //! A program starts at [`stages::run`]; a single mesh and its spectrum at [`mesh::load`] and [`spectrum::fem`].
 
 pub mod cli;
@@ -18,6 +20,7 @@ pub mod operators;
 pub mod pipeline;
 pub mod publish;
 pub mod remesh;
+mod schema;
 pub mod spectrum;
 pub mod stages;
 pub mod store;

@@ -319,6 +319,164 @@ fn info_names_every_finding_with_its_treatment_and_its_option() {
     assert_eq!(exit, 0);
 }
 
+/// A file with one thing that is not as it should be, what it is called, and words of its meaning and its remedy.
+const DEFECTS: [(&str, &str, &str, [&str; 3]); 9] = [
+    (
+        "pinched.obj",
+        "f 1 2 3\nf 1 4 5\n",
+        "non-manifold vertex",
+        ["0 at (0.0000", "touch", "tufted"],
+    ),
+    (
+        "flipped.obj",
+        "f 1 2 3\nf 2 3 4\n",
+        "misoriented edge",
+        ["1–2", "1 face is inside out", "none changes that"],
+    ),
+    (
+        "moebius.obj",
+        "f 1 2 3\nf 2 3 4\nf 3 4 5\nf 4 5 1\nf 5 1 2\n",
+        "misoriented edge",
+        ["–", "one side", "none changes that"],
+    ),
+    (
+        "collapsed.obj",
+        "f 1 2 3\nf 1 1 2\n",
+        "collapsed face",
+        ["line 7", "named twice", "ingest.degenerate_faces"],
+    ),
+    (
+        "line.obj",
+        "f 1 2 3\nf 1 2 6\n",
+        "face without area",
+        ["line 8", "in a line", "ingest.degenerate_faces"],
+    ),
+    ("polygon.obj", "f 1 2 4 3\n", "polygon", ["line 6", "fan", "none changes that"]),
+    (
+        "point.obj",
+        "f 1 2 3\np 1\n",
+        "point, line or two-corner face",
+        ["line 7", "left out", "none changes that"],
+    ),
+    (
+        "thin.obj",
+        "f 1 2 7\nf 2 1 8\n",
+        "negative cotangent weight",
+        ["obtuse", "overshoot", "operators.robust"],
+    ),
+    ("parts.stl", "", "repeated position", ["vertex", "have to repeat", "none changes that"]),
+];
+
+#[test]
+fn info_tells_of_every_kind_of_defect() {
+    let workspace = Workspace::new(FEM);
+    // What a face of a case does not use is one more finding.
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 1 1\n";
+    for (name, faces, what, said) in DEFECTS {
+        let text = match name {
+            "parts.stl" => {
+                let facet = "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+                format!("solid a\n{facet}{}endsolid a\n", facet.replace("0 1 0", "0 -1 0"))
+            }
+            "line.obj" => format!("{corners}v 2 0 0\n{faces}"),
+            "thin.obj" => format!("{corners}v 9 9 9\nv .5 .1 0\nv .5 -.1 0\n{faces}"),
+            _ => format!("{corners}{faces}"),
+        };
+        workspace.write(name, &text);
+        let file = workspace.path(name);
+        let info = |more: &[&str]| chladni(&[&["info", file.to_str().unwrap()], more].concat());
+        let document: serde_json::Value =
+            serde_json::from_slice(&info(&["--format", "json"]).stdout).unwrap();
+        let found = document["findings"].as_array().unwrap();
+        assert!(found.iter().any(|finding| finding["what"] == what), "{name}: {document}");
+        let page = self::text(&info(&[]));
+        let at = page.find(what).unwrap_or_else(|| panic!("{name}: {page}"));
+        // Long lines are broken.
+        let words: Vec<&str> = page[at..].split_whitespace().collect();
+        let page = words.join(" ");
+        assert!(page.contains("ingest: "), "{name}: {page}");
+        for words in said {
+            assert!(page.contains(words), "{name}: {words}: {page}");
+        }
+    }
+}
+
+#[test]
+fn a_run_says_what_it_has_mended() {
+    let workspace = Workspace::new(FEM);
+    workspace.write("meshes/sphere.obj", &(obj(&icosphere(2)) + "f 1 1 2\nf 3 3 4\nv 9 9 9\n"));
+    let mended = "mended: 2 collapsed faces dropped, 1 unreferenced vertices dropped\n";
+    let output = workspace.run(&["--set", "publish.report=true"]).output().unwrap();
+    assert!(text(&output).contains(mended), "{}", text(&output));
+    let page = std::fs::read_to_string(workspace.path("out/sphere.obj/report.html")).unwrap();
+    assert!(page.contains("Mended: 2 collapsed faces dropped"), "{page}");
+    let document = std::fs::read(workspace.path("out/sphere.obj/spectrum.json")).unwrap();
+    let document: serde_json::Value = serde_json::from_slice(&document).unwrap();
+    assert_eq!(
+        (&document["repairs"]["collapsed_faces"], &document["repairs"]["polygons"]),
+        (&2.into(), &0.into())
+    );
+    let (_, report) = workspace.report(&[]);
+    assert_eq!(report.meshes[0].repairs.as_ref().unwrap().collapsed_faces, 2);
+    let sphere = workspace.path("meshes/sphere.obj");
+    let solved = chladni(&["solve", sphere.to_str().unwrap(), "-k", "3"]);
+    assert!(text(&solved).contains(mended), "{}", text(&solved));
+}
+
+#[test]
+fn errors_are_log_lines_where_those_are_json() {
+    let workspace = Workspace::new(FEM);
+    workspace.write("broken.obj", "v 0 \u{1b}[2J 0\n");
+    let broken = workspace.path("broken.obj");
+    for command in [&["info"][..], &["solve", "-k", "3"], &["solve", "--method", "mpgd"]] {
+        let mut arguments = command.to_vec();
+        arguments.extend(["--log", "json", broken.to_str().unwrap()]);
+        let output = chladni(&arguments);
+        assert_eq!(output.status.code(), Some(3), "{}", text(&output));
+        let line: serde_json::Value = serde_json::from_slice(&output.stderr).unwrap();
+        assert_eq!(line["level"], "ERROR");
+        assert!(line["message"].as_str().unwrap().contains("broken.obj, line 1"), "{line}");
+        assert!(!line["message"].as_str().unwrap().contains('\u{1b}'), "{line}");
+    }
+    let output = workspace.run(&["--log", "json", "--set", "train.k=0"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let line: serde_json::Value = serde_json::from_slice(&output.stderr).unwrap();
+    assert!(line["message"].as_str().unwrap().contains("train.k"), "{line}");
+}
+
+/// What a command prints on a terminal, if this system has `script` to make one.
+fn on_a_terminal(workspace: &Workspace, command: &str, no_color: &str) -> Option<String> {
+    let output = std::process::Command::new("script")
+        .args(["-qec", command, "/dev/null"])
+        .current_dir(workspace.path(""))
+        .env("NO_COLOR", no_color)
+        .env("TERM", "xterm")
+        .env_remove("RUST_LOG")
+        .output();
+    match output {
+        Ok(output) => Some(text(&output)),
+        Err(error) => {
+            eprintln!("skipped: script cannot be run ({error})");
+            None
+        }
+    }
+}
+
+#[test]
+fn a_terminal_has_colours_bars_and_pages_and_no_color_is_kept_to() {
+    let workspace = Workspace::new(QUICK);
+    let run = format!("{} run pipeline.toml", env!("CARGO_BIN_EXE_chladni"));
+    let Some(shown) = on_a_terminal(&workspace, &run, "") else { return };
+    assert!(shown.contains("\u{1b}[32mverified\u{1b}[0m"), "{shown:?}");
+    assert!(shown.contains("/s "), "a bar has its rate: {shown:?}");
+    // `auto` is for who sits there.
+    assert!(workspace.path("out/report.html").exists());
+    let plain = on_a_terminal(&workspace, &run, "1").unwrap();
+    assert!(plain.contains("verified") && !plain.contains("\u{1b}[32m"), "{plain:?}");
+    workspace.report(&[]);
+    assert!(!workspace.path("out/report.html").exists());
+}
+
 #[test]
 fn patterns_and_lists_are_inputs() {
     let workspace = Workspace::new(FEM);

@@ -5,13 +5,14 @@ mod common;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use chladni::mesh::{TriMesh, load, sample::icosphere};
 use chladni::operators::Sparse;
-use common::{FEM, Workspace, ellipsoid};
+use common::{FEM, Workspace, ellipsoid, text};
 use npyz::npz::NpzArchive;
 use serde_json::Value;
 
@@ -168,6 +169,35 @@ fn every_format_reads_back_to_the_same_eigenpairs() {
     assert_eq!((&mat[..19], &mat[126..128]), (&b"MATLAB 5.0 MAT-file"[..], &b"IM"[..]));
     // The header, and of `evals` the tags, flags, dimensions and name before its values.
     assert_eq!(mat[128 + 8 + 16 + 16 + 16 + 8..][..8 * K], bytes(&evals, f64::to_le_bytes));
+}
+
+/// The programs that people use, in Python: `CHLADNI_PYTHON`, or the one that is found. What is not installed there is passed over.
+#[test]
+fn other_peoples_libraries_read_the_same_numbers() {
+    let python = std::env::var("CHLADNI_PYTHON").unwrap_or("python3".into());
+    let has_numpy = Command::new(&python).args(["-c", "import numpy"]).output();
+    if !has_numpy.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {python} has no numpy");
+        return;
+    }
+    let workspace = workspace();
+    let (exit, _) = workspace.report(&ALL);
+    assert_eq!(exit, 0);
+    let example = |name: &str| {
+        let examples = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/examples"));
+        let folder = workspace.path("out/sphere.obj");
+        let output = Command::new(&python).arg(examples.join(name)).arg(folder).output().unwrap();
+        assert!(output.status.success(), "{}", text(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let read = example("read_back.py");
+    eprintln!("{read}");
+    assert!(read.contains("eigen.json") && read.contains("spectrum.csv"), "{read}");
+    let apart: Vec<f64> = example("hks.py")
+        .lines()
+        .filter_map(|line| line.strip_suffix(" apart")?.rsplit(' ').next()?.parse().ok())
+        .collect();
+    assert!(apart.len() == 3 && apart.iter().all(|&apart| apart < 1e-12), "{apart:?}");
 }
 
 #[test]

@@ -14,7 +14,12 @@ use serde_json::Value;
 /// What a reader would do, and what came of it as JSON in the page. Errors are collected from before anything else runs.
 /// Under virtual time frames come late: they are timers here.
 const FIRST: &str = "<script>window.found = []; window.requestAnimationFrame = (f) => setTimeout(f, 0); addEventListener('error', (e) => found.push(e.message));\
-    console.error = (...words) => found.push(words.join(' '));</script>";
+    console.error = (...words) => found.push(words.join(' '));
+    const told = (more) => {
+      const result = { found, ...more, wide: document.documentElement.scrollWidth - innerWidth,
+        links: [...document.querySelectorAll('[src],[href]')].map((e) => (e.getAttribute('src') || e.getAttribute('href')).slice(0, 30)) };
+      document.body.innerHTML = '<pre id=result>' + btoa(unescape(encodeURIComponent(JSON.stringify(result)))) + '</pre>';
+    };</script>";
 const THEN: &str = r"<script>
 addEventListener('load', async () => {
   const canvas = document.getElementById('mesh');
@@ -43,10 +48,19 @@ addEventListener('load', async () => {
   key('0'); key('n'); looks.push(await look());
   const shown = document.getElementById('shown').textContent;
   document.querySelectorAll('[data-function]')[0].click(); looks.push(await look());
-  const result = { found, looks, shown, buttons: document.querySelectorAll('[data-function]').length,
-    wide: document.documentElement.scrollWidth - innerWidth,
-    links: [...document.querySelectorAll('[src],[href]')].map((e) => (e.src || e.href).slice(0, 30)) };
-  document.body.innerHTML = '<pre id=result>' + btoa(unescape(encodeURIComponent(JSON.stringify(result)))) + '</pre>';
+  told({ looks, shown, buttons: document.querySelectorAll('[data-function]').length });
+});
+</script>";
+
+/// A page that is looked at, and no more.
+const LOOK: &str = "<script>addEventListener('load', () => told({}));</script>";
+
+/// A page with its mesh turned, and another eigenfunction on it.
+const TURN: &str = r"<script>
+addEventListener('load', () => {
+  const canvas = document.getElementById('mesh');
+  for (const key of ['ArrowRight', 'ArrowRight', 'ArrowRight', 'ArrowDown', 'ArrowDown', 'n'])
+    canvas.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
 });
 </script>";
 
@@ -56,8 +70,20 @@ fn browser() -> Option<&'static str> {
         .find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))
 }
 
-/// A visit to the page at this width.
-fn visit(browser: &str, page: &Path, width: u32, arguments: &[&str]) -> Output {
+/// A copy of the page beside it, in which something happens.
+fn with_script(page: &Path, name: &str, script: &str) -> PathBuf {
+    let html = std::fs::read_to_string(page).unwrap();
+    let html = html.replace("<head>", &format!("<head>{FIRST}"));
+    let copy = page.with_file_name(name);
+    std::fs::write(&copy, html.replace("</body>", script)).unwrap();
+    copy
+}
+
+/// The size of a window.
+type Window = (u32, u32);
+
+/// A visit to the page.
+fn visit(browser: &str, page: &Path, (width, height): Window, arguments: &[&str]) -> Output {
     let profile = tempfile::tempdir().unwrap();
     Command::new(browser)
         .args(["--headless", "--no-sandbox", "--use-angle=swiftshader"])
@@ -66,7 +92,7 @@ fn visit(browser: &str, page: &Path, width: u32, arguments: &[&str]) -> Output {
         .args(["--disable-sync", "--hide-scrollbars", "--virtual-time-budget=20000"])
         .args(arguments)
         .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(format!("--window-size={width},900"))
+        .arg(format!("--window-size={width},{height}"))
         .arg(format!("file://{}", page.display()))
         .output()
         .unwrap()
@@ -74,17 +100,23 @@ fn visit(browser: &str, page: &Path, width: u32, arguments: &[&str]) -> Output {
 
 /// Takes a picture of the page as people see it who like it dark or light, left in `target/tmp` to be looked at: its colours, and that
 /// of its corner.
-fn screenshot(browser: &str, page: &Path, width: u32, dark: bool) -> (BTreeSet<[u8; 3]>, [u8; 3]) {
+fn screenshot(
+    browser: &str,
+    page: &Path,
+    name: &str,
+    window @ (width, _): Window,
+    dark: bool,
+) -> (BTreeSet<[u8; 3]>, [u8; 3]) {
     let scheme = if dark { "dark" } else { "light" };
-    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("report-{width}-{scheme}.png"));
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{width}-{scheme}.png"));
     let picture = format!("--screenshot={}", file.display());
     let preferred = format!("--blink-settings=preferredColorScheme={}", u8::from(!dark));
-    let output = visit(browser, page, width, &[&picture, &preferred]);
+    let output = visit(browser, page, window, &[&picture, &preferred]);
     let picture = std::fs::File::open(&file).unwrap_or_else(|_| panic!("{}", text(&output)));
     let mut reader = png::Decoder::new(BufReader::new(picture)).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut bytes).unwrap();
-    assert!(info.width == width && info.height == 900, "{info:?}");
+    assert_eq!((info.width, info.height), window);
     let pixel = |bytes: &[u8]| [bytes[0], bytes[1], bytes[2]];
     let colours = bytes.chunks_exact(info.color_type.samples()).map(pixel);
     (colours.collect(), pixel(&bytes))
@@ -92,13 +124,26 @@ fn screenshot(browser: &str, page: &Path, width: u32, dark: bool) -> (BTreeSet<[
 
 /// What the page came to at this width.
 fn visited(browser: &str, page: &Path, width: u32) -> Value {
-    let output = visit(browser, page, width, &["--dump-dom"]);
+    let output = visit(browser, page, (width, 900), &["--dump-dom"]);
     let page = String::from_utf8_lossy(&output.stdout);
     let result = page.split("<pre id=\"result\">").nth(1).and_then(|rest| rest.split('<').next());
     let result = result.unwrap_or_else(|| panic!("no result: {}", text(&output)));
     use base64::Engine;
     let bytes = base64::engine::general_purpose::STANDARD.decode(result).unwrap();
-    serde_json::from_slice(&bytes).unwrap()
+    let seen: Value = serde_json::from_slice(&bytes).unwrap();
+    assert_eq!(seen["found"], serde_json::json!([]), "at {width}");
+    assert!(seen["wide"].as_f64().unwrap() <= 0.0, "nothing sticks out at {width}: {seen}");
+    seen
+}
+
+/// Prints the page, left in `target/tmp`, and counts its pictures.
+fn printed_pictures(browser: &str, page: &Path) -> usize {
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report.pdf");
+    let output =
+        visit(browser, page, (1200, 900), &[&format!("--print-to-pdf={}", file.display())]);
+    let pdf = std::fs::read(&file).unwrap_or_else(|_| panic!("{}", text(&output)));
+    assert!(pdf.starts_with(b"%PDF"));
+    pdf.windows(15).filter(|window| window == b"/Subtype /Image").count()
 }
 
 #[test]
@@ -111,8 +156,29 @@ fn pages_are_there_when_they_are_asked_for_and_work_in_a_browser() {
     let run = std::fs::read_to_string(out("report.html")).unwrap();
     assert!(run.contains("sphere.obj/report.html"), "{run}");
     assert!(run.contains("broken.obj") && run.contains("Failed"), "{run}");
+    let command = format!("run {}", workspace.path("pipeline.toml").display());
+    for part in ["How it came about", "<li class=\"\">train<small>", "The command:", &command] {
+        assert!(run.contains(part), "{part}: {run}");
+    }
     let page = std::fs::read_to_string(out("sphere.obj/report.html")).unwrap();
-    for part in ["Eigenpairs", "Nodal lines", "train φ2 … φ4", "The command:", "Weyl", "<svg"] {
+    let parts = [
+        "<li class=\"\">train φ2 … φ4<small>",
+        "Eigenpairs",
+        "<td class=\"text good\">verified</td>",
+        "Nodal lines",
+        "src=\"data:image/png;base64,",
+        "Spectrum",
+        "Weyl: 4πk",
+        "M-PGD",
+        "Errors",
+        "angle to FEM",
+        "Training, relative to its end",
+        "The command:",
+        &command,
+        "publish.report=true",
+        &report.meshes[1].hash.unwrap().to_string(),
+    ];
+    for part in parts {
         assert!(page.contains(part), "{part}");
     }
     for asks_for in ["src=\"http", "href=\"http", "url(http", "import "] {
@@ -120,12 +186,16 @@ fn pages_are_there_when_they_are_asked_for_and_work_in_a_browser() {
     }
 
     if let Some(browser) = browser() {
-        let page = page.replace("<head>", &format!("<head>{FIRST}")).replace("</body>", THEN);
-        let copy = out("sphere.obj/visited.html");
-        std::fs::write(&copy, page).unwrap();
-        for width in [1200, 400] {
+        let page = out("sphere.obj/report.html");
+        let copy = with_script(&page, "visited.html", THEN);
+        let turned = with_script(&page, "turned.html", TURN);
+        let of_run = with_script(&out("report.html"), "looked-at.html", LOOK);
+        assert!(printed_pictures(browser, &page) >= 3, "eigenfunctions are printed");
+        screenshot(browser, &turned, "turned", (1200, 900), true);
+        for (width, height) in [(1200, 2400), (400, 3600)] {
+            let links = visited(browser, &of_run, width)["links"].clone();
+            assert_eq!(links, serde_json::json!(["data:,", "sphere.obj/report.html"]));
             let seen = visited(browser, &copy, width);
-            assert_eq!(seen["found"], serde_json::json!([]), "at {width}");
             let look =
                 |i: usize| (seen["looks"][i][0].clone(), seen["looks"][i][1].as_f64().unwrap());
             assert!(look(0).1 > 0.1, "the mesh is seen: {seen}");
@@ -139,18 +209,25 @@ fn pages_are_there_when_they_are_asked_for_and_work_in_a_browser() {
             let links = seen["links"].as_array().unwrap();
             assert!(links.iter().all(|link| link.as_str().unwrap().starts_with("data:")), "{seen}");
             for (dark, corner) in [(true, 0..64), (false, 192..256)] {
-                let (colours, first) =
-                    screenshot(browser, &out("sphere.obj/report.html"), width, dark);
+                screenshot(browser, &out("report.html"), "run", (width, 900), dark);
+                let (colours, first) = screenshot(browser, &page, "report", (width, height), dark);
                 assert!(first.iter().all(|&c| corner.contains(&i32::from(c))), "{first:?}");
                 assert!(colours.len() > 500, "a shaded mesh has many colours: {}", colours.len());
             }
-            assert!(seen["wide"].as_f64().unwrap() <= 0.0, "nothing sticks out at {width}: {seen}");
         }
     } else {
         eprintln!("Chromium is not here: the page was not opened");
     }
 
+    // What comes from the cache is drawn so.
+    workspace.report(&["--set", "publish.report=true"]);
+    for page in ["report.html", "sphere.obj/report.html"] {
+        let page = std::fs::read_to_string(out(page)).unwrap();
+        assert!(page.contains("<li class=\"cached\">train"), "{page}");
+        assert!(page.contains(", from the cache"), "{page}");
+    }
+
     // For programs there are none, unless they are asked for.
     workspace.report(&[]);
-    assert!(!out("sphere.obj/report.html").exists());
+    assert!(!out("report.html").exists() && !out("sphere.obj/report.html").exists());
 }

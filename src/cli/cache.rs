@@ -15,11 +15,14 @@ use crate::store::{Compacted, Mode, StageStat, Store, StoreError, StoreStat, Swe
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     /// Say what the cache holds: entries and bytes by stage
+    #[command(after_help = super::exit::help("  chladni cache stat --cache ~/chladni-cache"))]
     Stat(Arguments),
     /// Read every entry and check its digests; damaged ones are dropped, and computed again when they are needed
+    #[command(after_help = super::exit::help("  chladni cache verify --dry-run"))]
     Verify(Changing),
     /// Make room: what this chladni cannot use, what is beyond the size, and what the database has not given back.
     /// Models and their blocks stay
+    #[command(after_help = super::exit::help("  chladni cache gc --cache-size 5GB --dry-run"))]
     Gc {
         #[command(flatten)]
         changing: Changing,
@@ -27,6 +30,7 @@ pub enum Command {
         limit: CacheLimit,
     },
     /// Remove everything that the cache holds, models too
+    #[command(after_help = super::exit::help("  chladni cache clear --dry-run"))]
     Clear(Changing),
 }
 

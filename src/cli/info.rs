@@ -11,7 +11,7 @@ use serde::Serialize;
 use self::findings::{Finding, findings};
 use super::exit::Exit;
 use super::single::OneMesh;
-use super::{Format, Refusal, print, print_json};
+use super::{Format, Refusal, logging, print, print_json};
 use crate::mesh::error::listed;
 use crate::mesh::shape::Shape;
 use crate::mesh::topology::{Piece, pieces};
@@ -20,6 +20,10 @@ use crate::operators::{MassKind, Operators};
 use crate::publish::result::TriangleQuality;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = super::exit::help("\
+  chladni info scans/a.obj
+  chladni info scans/parts.glb --object wheel
+  chladni info scans/a.obj --format json | jq '.findings[] | .what, .count, .option'"))]
 pub struct Arguments {
     #[command(flatten)]
     mesh: OneMesh,
@@ -63,10 +67,13 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
         Ok(read) => read,
         Err(error) if error.is_no_object() => return Err(Refusal::usage(error)),
         Err(error) => {
-            eprintln!("error: {error}");
             let objects = Opened::read(&arguments.mesh.file).map(|opened| opened.objects());
-            if let Some(objects) = objects.ok().filter(|objects| objects.len() > 1) {
-                eprintln!("--object NAME looks at one of {}", listed(&objects));
+            match objects.ok().filter(|objects| objects.len() > 1) {
+                Some(objects) => logging::error(&format!(
+                    "{error}\n--object NAME looks at one of {}",
+                    listed(&objects)
+                )),
+                None => logging::error(&error),
             }
             return Ok(Exit::MeshFailed);
         }

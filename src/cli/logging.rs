@@ -1,8 +1,10 @@
 //! What goes to stderr: log lines by `RUST_LOG`, progress bars that make way for them, and where a defect came from.
 
 use std::backtrace::Backtrace;
+use std::fmt::Display;
 use std::io::{IsTerminal, stderr};
 use std::panic::{self, PanicHookInfo};
+use std::sync::OnceLock;
 use std::thread;
 
 use tracing_indicatif::IndicatifLayer;
@@ -13,22 +15,38 @@ use tracing_subscriber::fmt;
 use tracing_subscriber::prelude::*;
 
 use super::Format;
+use super::paint::is_coloured;
+use crate::publish::table::printable;
 
 /// Our warnings (the store tells what became of the database), unless `RUST_LOG` says otherwise.
 const DEFAULT: &str = "warn,sled=off";
 
-/// What is done, how far it is, the time that it took and the time that is left.
-const BAR: &str = "{msg} {wide_bar} {pos}/{len} {elapsed} < {eta}";
+/// What is done, how far it is and how fast, the time that it took and the time that is left.
+const BAR: &str = "{msg} {wide_bar} {pos}/{len} {per_sec} {elapsed} < {eta}";
+
+/// How lines are written, once that is known.
+static LINES: OnceLock<Format> = OnceLock::new();
+
+/// Says why something did not happen: to people after "error:", to programs as a log line. What a file says moves no cursor.
+pub fn error(reason: &impl Display) {
+    let reason = reason.to_string();
+    let lines: Vec<String> = reason.lines().map(printable).collect();
+    let reason = lines.join("\n");
+    match LINES.get() {
+        Some(Format::Json) => tracing::error!("{reason}"),
+        _ => eprintln!("error: {reason}"),
+    }
+}
 
 /// Starts logging. Bars are shown on a terminal only, and not among lines for programs.
 pub fn start(format: Format) {
+    LINES.get_or_init(|| format);
     let otherwise = panic::take_hook();
     panic::set_hook(Box::new(move |panic| match thread::current().name() {
         Some("main") => otherwise(panic),
         name => log_panic(name.unwrap_or("without name"), panic),
     }));
     let filter = || EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(DEFAULT));
-    let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let registry = tracing_subscriber::registry();
     if format == Format::Json {
         let lines = fmt::layer().json().flatten_event(true).with_writer(stderr);
@@ -39,7 +57,7 @@ pub fn start(format: Format) {
         let bars = IndicatifLayer::new().with_progress_style(style);
         let lines = fmt::layer()
             .with_writer(bars.get_stderr_writer())
-            .with_ansi(coloured)
+            .with_ansi(is_coloured(&stderr()))
             .with_target(false)
             .without_time();
         registry

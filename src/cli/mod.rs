@@ -40,7 +40,11 @@ use exit::Exit;
 
 /// Verified Laplace–Beltrami eigenpairs for folders of triangle meshes, kept up to date.
 #[derive(Debug, Parser)]
-#[command(name = "chladni", version, about, after_help = exit::HELP)]
+#[command(name = "chladni", version, about, after_help = exit::help("\
+  chladni run pipelines/spot.toml          train, predict and verify the eigenpairs of a cow
+  chladni solve scans/a.obj -k 50          finite elements alone, one mesh, no pipeline
+  chladni info scans/a.obj                 what is wrong with a mesh, and what to do about it
+  chladni options train                    what can stand in a pipeline file"))]
 struct Cli {
     /// How log lines on stderr are written: for people, or one JSON object a line; RUST_LOG says which are
     #[arg(
@@ -139,7 +143,7 @@ pub fn main() -> ExitCode {
         Command::Man(arguments) => shell::man(&arguments, Cli::command()),
     };
     exit.unwrap_or_else(|refusal| {
-        eprintln!("error: {refusal}");
+        logging::error(&refusal);
         refusal.exit()
     })
     .into()
@@ -200,4 +204,42 @@ fn print(text: &str) -> Result<(), Refusal> {
 /// Prints a JSON document.
 fn print_json(document: &impl serde::Serialize) -> Result<(), Refusal> {
     print(&String::from_utf8_lossy(&crate::publish::json::document(document)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every command without commands below it.
+    fn leaves(command: &clap::Command) -> Vec<&clap::Command> {
+        let below = command.get_subcommands().filter(|below| below.get_name() != "help");
+        let below: Vec<&clap::Command> = below.flat_map(leaves).collect();
+        if below.is_empty() { vec![command] } else { below }
+    }
+
+    #[test]
+    fn every_command_has_examples_and_they_are_commands() {
+        let mut all = Cli::command();
+        all.build();
+        all.clone().debug_assert();
+        for command in leaves(&all).into_iter().chain([&all]) {
+            let name = command.get_display_name().unwrap_or(command.get_name());
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let examples = help.lines().filter_map(|line| line.strip_prefix("  chladni "));
+            // What follows is another program's, or says what it does.
+            let examples = examples.map(|line| {
+                let ends = [" | ", " > ", "   "].iter().filter_map(|end| line.find(end));
+                &line[..ends.min().unwrap_or(line.len())]
+            });
+            let mut own = 0;
+            for example in examples {
+                let words = ["chladni"].into_iter().chain(example.split_whitespace());
+                if let Err(error) = Cli::try_parse_from(words) {
+                    panic!("{name}: {example}: {error}");
+                }
+                own += 1;
+            }
+            assert!(own > 0, "{name} has no examples");
+        }
+    }
 }

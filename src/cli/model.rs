@@ -30,6 +30,7 @@ pub enum Command {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = super::exit::help("  chladni model list"))]
 pub struct List {
     #[command(flatten)]
     cache: CacheLocation,
@@ -39,6 +40,7 @@ pub struct List {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = super::exit::help("  chladni model export cow cow.safetensors"))]
 pub struct Export {
     /// Its name, or enough of the beginning
     name: String,
@@ -49,6 +51,9 @@ pub struct Export {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = super::exit::help("\
+  chladni model import cow.safetensors
+  chladni model import cow.safetensors --name spot"))]
 pub struct Import {
     /// A file that `chladni model export` wrote
     file: PathBuf,

@@ -1,6 +1,7 @@
 //! Colours for tables on a terminal: what is well green, what has to be looked at yellow, what failed red. Never under `NO_COLOR`, nor in a
 //! pipe or a file.
 
+use std::ffi::OsStr;
 use std::io::{IsTerminal, stdout};
 
 const GREEN: &str = "\x1b[32m";
@@ -29,13 +30,23 @@ const WORDS: [(&str, &str); 6] = [
     ("  failed", RED),
 ];
 
-/// A table as it is shown here and now.
+/// A table as it is shown on stdout, here and now.
 pub fn painted(text: &str) -> String {
-    if stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()) {
+    if is_coloured(&stdout()) {
         text.lines().map(|line| paint(line) + "\n").collect()
     } else {
         text.to_owned()
     }
+}
+
+/// Whether what goes there has colours.
+pub fn is_coloured(stream: &impl IsTerminal) -> bool {
+    coloured(stream.is_terminal(), std::env::var_os("NO_COLOR").as_deref())
+}
+
+/// As <https://no-color.org> has it: `NO_COLOR` counts when it is set to anything but nothing.
+fn coloured(is_terminal: bool, no_color: Option<&OsStr>) -> bool {
+    is_terminal && no_color.is_none_or(OsStr::is_empty)
 }
 
 fn paint(line: &str) -> String {
@@ -66,7 +77,12 @@ mod tests {
         assert!(paint("complete: 8 eigenvalues").starts_with(GREEN));
         assert!(paint("failed: no such file").starts_with(RED));
         assert_eq!(paint("a  b"), "a  b");
-        // Not on the stdout of a test.
-        assert_eq!(painted("failed: x\n"), "failed: x\n");
+    }
+
+    #[test]
+    fn only_a_terminal_has_colours_and_not_under_no_color() {
+        assert!(coloured(true, None) && coloured(true, Some(OsStr::new(""))));
+        assert!(!coloured(true, Some(OsStr::new("1"))));
+        assert!(!coloured(false, None) && !coloured(false, Some(OsStr::new("1"))));
     }
 }

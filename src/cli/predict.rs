@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::exit::Exit;
 use super::model::given;
 use super::single::{OneMesh, Written};
-use super::{CacheLocation, Format, Refusal, print, print_json};
+use super::{CacheLocation, Format, Refusal, logging, print, print_json};
 use crate::mesh::MeshHash;
 use crate::pipeline::{Method, Pipeline, Refine};
 use crate::publish::report::{MeshReport, Status};
@@ -121,7 +121,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
             if asks_too_much(&failure) {
                 return Err(Refusal::usage(failure));
             }
-            eprintln!("error: {failure}");
+            logging::error(&failure);
             return Ok(if failure.is_internal() { Exit::Internal } else { Exit::MeshFailed });
         }
     };

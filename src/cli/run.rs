@@ -14,15 +14,14 @@ use super::paint::painted;
 use super::signals::stop_on_signals;
 use super::task::{Part, Task, given_model};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
-use crate::descriptors::Descriptor;
 use crate::flow::events::EventFile;
 use crate::pipeline::Pages;
 use crate::pipeline::sweep::Comparison;
-use crate::publish::export::shape_dna;
+use crate::publish::atomic;
+use crate::publish::overview::Overview;
 use crate::publish::report::{RunReport, Status};
 use crate::publish::sweep::{CaseReport, SweepReport};
 use crate::publish::table::{run_table, summary, sweep_table};
-use crate::publish::{atomic, page};
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::weight::half_of_the_memory;
 use crate::store::Store;
@@ -164,8 +163,7 @@ impl Runner<'_> {
         if pipeline.publish.report == Pages::Auto && self.is_watched() {
             pipeline.publish.report = Pages::Written;
         }
-        let page = (pipeline.publish.report == Pages::Written).then(|| out.join(page::FILE));
-        let compares = pipeline.publish.descriptors.contains(&Descriptor::ShapeDna);
+        let overview = Overview::of(&pipeline.publish);
         let events = std::fs::create_dir_all(&out)
             .and_then(|()| EventFile::append(&out.join("events.jsonl")))
             .map_err(|error| {
@@ -192,15 +190,7 @@ impl Runner<'_> {
             events: Arc::new(events),
         };
         let ended = self.runtime.block_on(run(request)).map_err(Refusal::internal)?;
-        let written = match compares {
-            true => shape_dna::write(&out, &ended.report),
-            false => shape_dna::remove_files(&out),
-        };
-        written.map_err(Refusal::usage)?;
-        if let Some(path) = page {
-            let page = page::run_page(&ended.report);
-            atomic::write(&path, page.as_bytes()).map_err(Refusal::usage)?;
-        }
+        overview.write(&out, &ended.report).map_err(Refusal::usage)?;
         Ok(ended)
     }
 

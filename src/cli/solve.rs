@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::exit::Exit;
 use super::paint::painted;
 use super::single::{OneMesh, Written};
-use super::{Format, Refusal, print, print_json};
+use super::{Format, Refusal, logging, print, print_json};
 use crate::operators::{Boundary, Laplacian, MassKind, OperatorOptions, Robust};
 use crate::pipeline::{Method, Pipeline};
 use crate::publish::report::{MeshReport, Status};
@@ -143,7 +143,7 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
             if asks_too_much(&failure) {
                 return Err(Refusal::usage(failure));
             }
-            eprintln!("error: {failure}");
+            logging::error(&failure);
             return Ok(if failure.is_internal() { Exit::Internal } else { Exit::MeshFailed });
         }
     };

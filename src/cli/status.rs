@@ -8,6 +8,9 @@ use super::{Format, Refusal, print, print_json};
 use crate::publish::status::{RunState, RunStatus, duration, read, read_sweep};
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = super::exit::help("\
+  chladni status --out spectra
+  chladni status --out spectra --format json | jq .seconds_left"))]
 pub struct Arguments {
     /// The output folder of the run; of a sweep, the variant that was under way last is shown
     #[arg(long, value_name = "DIR", default_value = "out")]

@@ -100,18 +100,19 @@ impl RawMesh {
     pub fn only(&self, object: usize) -> Result<(Self, Vec<u32>), Fault> {
         let mut part = Self::new(self.same_vertex);
         let triangles = self.ranges(object, |s| s.triangles, self.triangles.len());
-        let mut is_used = vec![false; self.positions.len()];
+        // An object of a large file may be small: nothing here is as long as the file.
         let own = triangles.clone().flat_map(|range| &self.triangles[range]);
-        own.flatten().for_each(|&vertex| is_used[vertex as usize] = true);
-        let (mut of_file, mut index_in_part) = (Vec::new(), vec![0; self.positions.len()]);
-        for (index, &position) in self.positions.iter().enumerate().filter(|&(i, _)| is_used[i]) {
-            let place = self.position_place(index).unwrap_or(Place::Entry(number(index)?));
-            index_in_part[index] = part.position(position, place)?;
-            of_file.push(number(index)?);
+        let mut of_file: Vec<u32> = own.flatten().copied().collect();
+        of_file.sort_unstable();
+        of_file.dedup();
+        for &vertex in &of_file {
+            let place = self.position_place(vertex as usize).unwrap_or(Place::Entry(vertex));
+            part.position(self.positions[vertex as usize], place)?;
         }
+        let in_part = |vertex: u32| of_file.partition_point(|&other| other < vertex) as u32;
         for index in triangles.flatten() {
             let place = self.triangle_place(index).unwrap_or(Place::Entry(number(index)?));
-            part.triangle(self.triangles[index].map(|v| index_in_part[v as usize]), place)?;
+            part.triangle(self.triangles[index].map(in_part), place)?;
         }
         let polygons = self.ranges(object, |s| s.polygons, self.polygons.len());
         part.polygons = polygons.flat_map(|range| &self.polygons[range]).copied().collect();

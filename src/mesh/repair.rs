@@ -62,28 +62,39 @@ impl Tally {
 }
 
 impl Repairs {
+    /// What each of them is called after its number, in their order.
+    pub const KINDS: [&str; 7] = [
+        "welded vertices",
+        "collapsed faces dropped",
+        "faces without area dropped",
+        "duplicate faces dropped",
+        "unreferenced vertices dropped",
+        "polygons triangulated",
+        "points, lines or two-corner faces left out",
+    ];
+
     /// Whether the mesh is the file as it stands.
     pub fn is_empty(&self) -> bool {
-        self.named().iter().all(|(_, tally)| tally.count == 0)
+        self.named().all(|(_, tally)| tally.count == 0)
     }
 
-    fn named(&self) -> [(&'static str, &Tally); 7] {
-        [
-            ("welded vertices", &self.welded_vertices),
-            ("collapsed faces dropped", &self.collapsed_faces),
-            ("faces without area dropped", &self.zero_area_faces),
-            ("duplicate faces dropped", &self.duplicate_faces),
-            ("unreferenced vertices dropped", &self.unreferenced_vertices),
-            ("polygons triangulated", &self.polygons),
-            ("points, lines or two-corner faces left out", &self.left_out),
-        ]
+    fn named(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
+        Self::KINDS.into_iter().zip([
+            &self.welded_vertices,
+            &self.collapsed_faces,
+            &self.zero_area_faces,
+            &self.duplicate_faces,
+            &self.unreferenced_vertices,
+            &self.polygons,
+            &self.left_out,
+        ])
     }
 }
 
 /// One line a kind, each with its first places.
 impl fmt::Display for Repairs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut lines = self.named().into_iter().filter(|(_, t)| t.count > 0);
+        let mut lines = self.named().filter(|(_, t)| t.count > 0);
         let mut write = |(name, tally): (&str, &Tally), start: &str| {
             write!(f, "{start}{} {name}", tally.count)?;
             let mut start = " (";

@@ -5,9 +5,9 @@ use std::fmt;
 use schemars::{JsonSchema, Schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use serde_json::json;
 
 use super::{MassKind, OperatorError};
+use crate::schema::as_written;
 
 /// A discrete Laplacian, as the symmetric pencil (L, B) of (8) that has its eigenpairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -108,10 +108,7 @@ impl Robust {
 
     /// The schema of the variants' names as one of what stands in a file for them.
     fn as_written(schema: &mut Schema) {
-        let values = schema.get_mut("oneOf").and_then(|values| values.as_array_mut());
-        for (value, robust) in values.into_iter().flatten().zip(Self::ALL) {
-            *value = json!({ "const": robust, "description": value["description"] });
-        }
+        as_written(schema, &Self::ALL);
     }
 }
 
@@ -212,6 +209,7 @@ mod auto {
     use serde_json::json;
 
     use super::MassKind;
+    use crate::schema::choices;
 
     const NAMES: [&str; 5] = ["auto", "lumped", "voronoi", "consistent", "degree"];
 
@@ -226,7 +224,7 @@ mod auto {
             "const": "auto",
             "description": "Lumped for \"cotangent\", consistent for \"fem\", degree for \"graph\".",
         });
-        if let Some(values) = schema.get_mut("oneOf").and_then(|values| values.as_array_mut()) {
+        if let Some(values) = choices(&mut schema) {
             values.insert(0, auto);
         }
         schema

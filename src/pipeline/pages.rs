@@ -5,7 +5,8 @@ use std::fmt;
 use schemars::{JsonSchema, Schema};
 use serde::de::{Deserialize, Deserializer, Error, Unexpected, Visitor};
 use serde::ser::{Serialize, Serializer};
-use serde_json::json;
+
+use crate::schema::as_written;
 
 /// Whether pages for people are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema)]
@@ -27,10 +28,7 @@ impl Pages {
 
     /// The schema of the variants' names as one of what stands in a file for them.
     fn as_written(schema: &mut Schema) {
-        let values = schema.get_mut("oneOf").and_then(|values| values.as_array_mut());
-        for (value, pages) in values.into_iter().flatten().zip(Self::ALL) {
-            *value = json!({ "const": pages, "description": value["description"] });
-        }
+        as_written(schema, &Self::ALL);
     }
 }
 

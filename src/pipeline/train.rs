@@ -14,6 +14,7 @@ use crate::ggnn::paper::{Paper, ResidualRows, Warmup, Weights};
 use crate::ggnn::recipe::{Recipe, Ritz, Trunks};
 use crate::ggnn::sample::BOUNDARY_PENALTY;
 use crate::ggnn::tune::Choice;
+use crate::schema::choices;
 
 /// How many eigenpairs, by which method, and how blocks are trained.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -129,7 +130,7 @@ impl RecipeName {
             "description": "Or a recipe file, relative to this one, such as `tune` leaves: a file with [train] alone, whose options lie \
                             under those of this file.",
         });
-        if let Some(names) = schema.get_mut("oneOf").and_then(|names| names.as_array_mut()) {
+        if let Some(names) = choices(schema) {
             names.push(file);
         }
     }

@@ -4,6 +4,7 @@
 //! - [`report`]: `run.json` and the document of `chladni run --format json`, what the work was
 //! - [`json`]: these documents as bytes
 //! - [`npz`]: `eigen.npz`, eigenpairs and mesh for numpy; `arrays`: such archives
+//! - [`overview`]: what stands beside the folders of all meshes
 //! - [`kept_current`]: which meshes of a watched folder have results
 //! - [`mesh_file`]: a mesh alone
 //! - [`page`]: `report.html`, for people
@@ -24,6 +25,7 @@ pub mod json;
 pub mod kept_current;
 pub mod mesh_file;
 pub mod npz;
+pub mod overview;
 pub mod page;
 pub mod picture;
 pub mod plan;

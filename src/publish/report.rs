@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::json::{document, null_is_nan};
-use super::result::{Ancestor, Completeness, Eigenpair, Spectrum, Verdict};
+use super::result::{Ancestor, Completeness, Eigenpair, RepairCounts, Spectrum, Verdict};
 use crate::mesh::MeshHash;
 
 /// The format of `run.json`.
@@ -156,6 +156,9 @@ pub struct MeshReport {
     pub reason: Option<String>,
     /// The folder of its results; null for a failed mesh.
     pub out: Option<String>,
+    /// What was changed between the file and the mesh; null for a failed mesh.
+    #[serde(default)]
+    pub repairs: Option<RepairCounts>,
     /// One entry a pair; empty for a failed mesh.
     pub eigenpairs: Vec<PairReport>,
     /// Whether an eigenvalue was missed or repeated; null for a failed mesh.
@@ -167,6 +170,9 @@ pub struct MeshReport {
     pub trained: usize,
     /// Blocks that came from the store.
     pub reused: usize,
+    /// The stages in their order; empty for a failed mesh.
+    #[serde(default)]
+    pub stages: Vec<StageRecord>,
     /// The work on this mesh.
     #[serde(deserialize_with = "null_is_nan")]
     pub seconds: f64,
@@ -211,11 +217,13 @@ impl MeshReport {
             status: spectrum.status.into(),
             reason,
             out: Some(out),
+            repairs: Some(spectrum.repairs.clone()),
             eigenpairs: eigenpairs.collect(),
             completeness: spectrum.completeness.clone(),
             grown_from: spectrum.provenance.grown_from,
             trained: run.trained,
             reused: run.reused,
+            stages: run.stages.clone(),
             seconds: run.seconds,
         }
     }
@@ -230,11 +238,13 @@ impl MeshReport {
             status: Status::Failed,
             reason: Some(reason),
             out: None,
+            repairs: None,
             eigenpairs: Vec::new(),
             completeness: None,
             grown_from: None,
             trained: 0,
             reused: 0,
+            stages: Vec::new(),
             seconds,
         }
     }

@@ -336,6 +336,24 @@ pub struct RepairCounts {
     pub left_out: usize,
 }
 
+impl RepairCounts {
+    /// Those that were made, in words; `None` where the mesh is the file as it stands.
+    pub fn in_words(&self) -> Option<String> {
+        let counts = [
+            self.welded_vertices,
+            self.collapsed_faces,
+            self.zero_area_faces,
+            self.duplicate_faces,
+            self.unreferenced_vertices,
+            self.polygons,
+            self.left_out,
+        ];
+        let made = counts.into_iter().zip(Repairs::KINDS).filter(|(count, _)| *count > 0);
+        let made: Vec<String> = made.map(|(count, kind)| format!("{count} {kind}")).collect();
+        (!made.is_empty()).then(|| made.join(", "))
+    }
+}
+
 impl From<&Repairs> for RepairCounts {
     fn from(repairs: &Repairs) -> Self {
         Self {

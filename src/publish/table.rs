@@ -8,7 +8,7 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, LineStyle, Table};
 
 use super::report::{MeshReport, PairReport, RunReport, Status};
-use super::result::{Ancestor, Completeness, Eigenpair, Source};
+use super::result::{Ancestor, Completeness, Eigenpair, RepairCounts, Source};
 use super::sweep::{self, SweepReport};
 use crate::spectrum::mpgd::StoppedBy;
 
@@ -125,6 +125,8 @@ pub fn mesh_table(mesh: &MeshReport) -> String {
         lines.push(format!("failed: {}", printable(reason)));
     } else {
         lines.push(pairs(&mesh.eigenpairs));
+        let repairs = mesh.repairs.as_ref().and_then(RepairCounts::in_words);
+        lines.extend(repairs.map(|repairs| format!("mended: {repairs}")));
         if mesh.eigenpairs.iter().any(mpgd_fell_short) {
             lines.push(
                 "* M-PGD has not converged there, or not for a pair before; its opinion does not count"
@@ -295,7 +297,7 @@ fn measured(value: f64, format: impl Fn(f64) -> String) -> String {
 }
 
 /// A name or message without characters that could move the cursor.
-fn printable(text: &str) -> String {
+pub fn printable(text: &str) -> String {
     text.chars()
         .flat_map(|c| {
             let escaped = c.is_control().then(|| c.escape_default());

@@ -27,14 +27,15 @@ impl LastOpened {
     pub fn open(&self, path: &Path) -> Result<Arc<Opened>, MeshError> {
         // Whoever wants the same file waits for it.
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(last) = last.as_ref().filter(|last| last.path == path) {
+            // As long as it is the same it names the same others.
+            let others = last.stamp.companions().cloned().collect();
+            if Stamp::of(path, others).is_ok_and(|stamp| stamp == last.stamp) {
+                return Ok(last.opened.clone());
+            }
+        }
         // Looked at before it is read: a change in between is seen.
         let stamp = Stamp::of(path, companions(path)).ok();
-        if let Some(last) = last.as_ref()
-            && last.path == path
-            && Some(&last.stamp) == stamp.as_ref()
-        {
-            return Ok(last.opened.clone());
-        }
         let opened = Arc::new(Opened::read(path)?);
         *last = stamp.map(|stamp| Last { path: path.into(), stamp, opened: opened.clone() });
         Ok(opened)

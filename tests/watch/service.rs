@@ -141,9 +141,10 @@ fn events_that_were_lost_cost_nothing() {
 }
 
 #[test]
-fn a_table_of_all_fingerprints_is_kept_current() {
-    let workspace =
-        Workspace::new(&(FEM.to_owned() + "[publish]\ndescriptors = [\"shape-dna\"]\n"));
+fn what_is_said_of_all_meshes_is_kept_current() {
+    let publish = "[publish]\ndescriptors = [\"shape-dna\"]\nreport = true\n";
+    let workspace = Workspace::new(&(FEM.to_owned() + publish));
+    let page = || std::fs::read_to_string(workspace.path("out/report.html"));
     let table = || std::fs::read_to_string(workspace.path("out/shape_dna.csv"));
     let names = || -> Vec<String> {
         let text = table().unwrap();
@@ -155,11 +156,14 @@ fn a_table_of_all_fingerprints_is_kept_current() {
     crate::save(&workspace, "egg.obj", &ellipsoid(1.4));
     once(&workspace);
     assert_eq!(names(), ["broken.obj", "egg.obj", "sphere.obj"]);
+    let text = page().unwrap();
+    assert!(text.contains("egg.obj/report.html") && text.contains("Failed"), "{text}");
     std::fs::remove_file(workspace.path("meshes/sphere.obj")).unwrap();
     std::fs::remove_file(workspace.path("meshes/broken.obj")).unwrap();
     once(&workspace);
     assert_eq!(names(), ["egg.obj"]);
+    assert!(!page().unwrap().contains("sphere.obj"));
     workspace.write("pipeline.toml", FEM);
     once(&workspace);
-    assert!(table().is_err());
+    assert!(table().is_err() && page().is_err());
 }

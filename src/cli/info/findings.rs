@@ -19,7 +19,7 @@ pub struct Finding {
     pub meaning: String,
     /// What ingest does about it, as a participle: "dropped".
     pub treatment: &'static str,
-    /// The option that changes that.
+    /// The option that changes that, if any does.
     pub option: Option<&'static str>,
 }
 

@@ -59,9 +59,7 @@ pub fn page(info: &Info<'_>) -> String {
     for (number, finding) in info.findings.iter().enumerate() {
         page.line(if number == 0 { "findings" } else { "" }, &title(finding));
         page.line("", &format!("  ingest: {}", finding.treatment));
-        if let Some(option) = finding.option {
-            page.line("", &format!("  option: {option}"));
-        }
+        page.line("", &format!("  option: {}", finding.option.unwrap_or("none changes that")));
     }
     page.text
 }

@@ -16,6 +16,7 @@ use std::path::Path;
 use gltf::{Accessor, Document, Node, Primitive, mesh::Mode};
 
 use self::accessor::Data;
+use self::buffers::Buffers;
 use self::transform::Affine;
 use crate::mesh::error::{Failure, Fault, Place};
 use crate::mesh::raw::{RawMesh, SameVertex, number, strip_corners};
@@ -26,7 +27,7 @@ pub use beside::companions;
 pub fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, Failure> {
     let (document, blob) = document::parse(bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let data = Data::new(buffers::resolve(&document, blob, folder)?, bytes.len());
+    let data = Data::new(Buffers::resolve(&document, blob, folder)?, bytes.len());
     let mut walk = Walk { data, raw: RawMesh::new(SameVertex::Position) };
     walk.scene(&document)?;
     Ok(walk.raw)
@@ -70,12 +71,15 @@ impl Walk {
         let Some(mesh) = node.mesh() else {
             return Ok(());
         };
-        self.raw.begin_object(node.name().or(mesh.name()).map(String::from));
+        // Many nodes may show one mesh, which may have a long name.
+        let name = node.name().or(mesh.name()).map(str::as_bytes);
+        self.raw.begin_object(name.map(first_of_name));
         // Primitives of a mesh often share their positions.
         let mut seen = HashMap::new();
         for primitive in mesh.primitives() {
             let (mesh, index) = (number(mesh.index())?, number(primitive.index())?);
             let place = Place::Primitive { mesh, primitive: index };
+            self.data.budget.spend(1)?;
             if !is_surface(primitive.mode()) {
                 self.raw.left_out.push(place);
                 continue;
@@ -116,7 +120,10 @@ impl Walk {
     ) -> Result<(), Failure> {
         let indices: Vec<u32> = match primitive.indices() {
             Some(accessor) => self.data.indices(&accessor)?,
-            None => (0..number(count)?).collect(),
+            None => {
+                self.data.budget.spend(count)?;
+                (0..number(count)?).collect()
+            }
         };
         let mode = primitive.mode();
         if indices.len() < 3 || (mode == Mode::Triangles && !indices.len().is_multiple_of(3)) {
@@ -138,6 +145,15 @@ impl Walk {
         Ok(())
     }
 }
+
+/// As much of the name of a node as is kept.
+fn first_of_name(name: &[u8]) -> String {
+    let kept = name.get(..LONGEST_NAME).unwrap_or(name);
+    String::from_utf8_lossy(kept).into_owned()
+}
+
+/// In bytes. Objects with longer names are told apart by a number.
+const LONGEST_NAME: usize = 256;
 
 fn is_surface(mode: Mode) -> bool {
     matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)

@@ -13,6 +13,7 @@ use tobj::{LoadError, LoadOptions};
 use self::lines::{Geometry, Line, lines};
 use crate::mesh::error::{Failure, Fault, Place};
 use crate::mesh::raw::{RawMesh, SameVertex};
+use crate::mesh::read::values::excerpt;
 
 /// Faces are kept whole, so that each can be told from its line; points and lines too, for the same reason.
 const OPTIONS: LoadOptions = LoadOptions {
@@ -146,10 +147,7 @@ fn split_faces(mesh: &tobj::Mesh, skipped: usize) -> impl Iterator<Item = &[u32]
 }
 
 fn unparsable(at: Option<&Line<'_>>, reason: LoadError) -> Failure {
-    let text = at.map_or_else(String::new, |line| {
-        let shown = line.text.get(..60).unwrap_or(&line.text);
-        String::from_utf8_lossy(shown).into_owned()
-    });
+    let text = at.map_or_else(String::new, |line| excerpt(&line.text));
     Failure { place: at.map(place), fault: Fault::Unparsable { text, reason } }
 }
 

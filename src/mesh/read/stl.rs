@@ -36,7 +36,9 @@ fn facets(bytes: &[u8]) -> Option<usize> {
 }
 
 fn read_binary(bytes: &[u8]) -> Result<RawMesh, Failure> {
-    let mut values = Values::new("STL", Scanner::new(bytes), Layout::Bytes(Order::LittleEndian));
+    // What looks like a byte order mark is a part of the header.
+    let scanner = Scanner::from_line(bytes, 1);
+    let mut values = Values::new("STL", scanner, Layout::Bytes(Order::LittleEndian));
     values.list("header", Place::Entry, None);
     values.skip(Scalar::U8, HEADER)?;
     let facets = values.count(Scalar::U32)?;

@@ -264,7 +264,12 @@ pub fn parse<T: FromStr>(word: &[u8], expected: &'static str) -> Result<T, Fault
 
 /// The beginning of `text`, for a message.
 pub fn excerpt(text: &[u8]) -> String {
-    let shown = text.get(..60).unwrap_or(text);
+    excerpt_of(text, 60)
+}
+
+/// The first `length` bytes of `text`, for a message.
+pub fn excerpt_of(text: &[u8], length: usize) -> String {
+    let shown = text.get(..length).unwrap_or(text);
     String::from_utf8_lossy(shown).chars().filter(|c| !c.is_control()).collect()
 }
 

@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
 
-use super::frame::{badge, flow, page};
+use super::frame::{badge, command, flow, page};
 use super::plot::{Axes, Mark, Scale, Series, figure};
 use super::viewer::{MOST_VERTICES, viewer};
 use crate::mesh::TriMesh;
@@ -69,12 +69,15 @@ impl MeshPage<'_> {
                 (self.facts())
                 @if let Some(reason) = reason { p.warn { "Not verified: " (reason) "." } }
                 @if let Some(counted) = &spectrum.completeness { p { (sentence(&completeness(counted))) } }
+                @if let Some(repairs) = spectrum.repairs.in_words() { p { "Mended: " (repairs) "; " code { "chladni info" } " says where." } }
                 h2 { "How it came about" }
                 (flow(&record.stages))
                 p.soft { (blocks(record)) "dashed: from the cache." }
                 @if let Some(turning) = turning {
-                    h2 { "Eigenfunctions" }
-                    (turning)
+                    section.noprint {
+                        h2 { "Eigenfunctions" }
+                        (turning)
+                    }
                 }
                 h2 { "Nodal lines" }
                 @if !turns && mesh.n() > MOST_VERTICES {
@@ -116,15 +119,20 @@ impl MeshPage<'_> {
             pairs.iter().map(|pair| (pair.k as f64, of(pair))).collect::<Vec<_>>()
         };
         let series = |name: &str, points, mark| Series { name: name.into(), points, mark };
-        let area = self.spectrum.mesh.area;
+        // A graph has eigenvalues without a unit: no area makes them those of a surface.
+        let has_unit = pairs.iter().any(|pair| pair.lambda_area.is_finite());
+        let (area, name, weyl) = match has_unit {
+            true => (self.spectrum.mesh.area, "λ · area", 4.0 * PI),
+            false => (1.0, "λ", f64::NAN),
+        };
         // λ = 0 is measured by other means.
         let is_zero = |p: &Eigenpair| p.lambda_fem.abs() * area < 1e-6;
         let unless_zero = |p: &Eigenpair, x: f64| if is_zero(p) { f64::NAN } else { x };
         let spectrum = [
-            series("λ · area", by_k(&|p| p.lambda * area), Mark::Line),
+            series(name, by_k(&|p| p.lambda * area), Mark::Line),
             series("FEM", by_k(&|p| p.lambda_fem * area), Mark::Points),
             series("M-PGD", by_k(&|p| p.lambda_mpgd * area), Mark::Points),
-            series("Weyl: 4πk", by_k(&|p| 4.0 * PI * p.k as f64), Mark::Dashed),
+            series("Weyl: 4πk", by_k(&|p| weyl * p.k as f64), Mark::Dashed),
         ];
         let present = |all: Vec<Series>| -> Vec<Series> {
             let has = |series: &Series| series.points.iter().any(|p| p.1.is_finite());
@@ -154,7 +162,7 @@ impl MeshPage<'_> {
         let (linear, log) = (Scale::Linear, Scale::Logarithmic);
         let axes = |x, y, scale| Axes { x, y, scale };
         let shown = [
-            figure("Spectrum", &axes("k", "λ · area", linear), &present(spectrum.into())),
+            figure("Spectrum", &axes("k", name, linear), &present(spectrum.into())),
             figure("Errors", &axes("k", "", log), &present(errors)),
             figure(
                 "Training, relative to its end",
@@ -171,26 +179,14 @@ impl MeshPage<'_> {
     fn provenance(&self) -> Markup {
         let provenance = &self.spectrum.provenance;
         let parameters = serde_json::to_string_pretty(&provenance.parameters).unwrap_or_default();
-        let command: Vec<String> = std::env::args().map(|argument| quoted(&argument)).collect();
         html! {
             p { "Mesh " code { (self.spectrum.mesh.hash) } ", chladni " (provenance.chladni) "." }
-            p { "The command:" }
-            pre { code { (command.join(" ")) } }
+            (command())
             details {
                 summary { "All parameters that can change a number" }
                 pre { code { (parameters) } }
             }
         }
-    }
-}
-
-/// An argument as a shell reads it.
-fn quoted(argument: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !argument.is_empty() && argument.chars().all(plain) {
-        argument.to_owned()
-    } else {
-        format!("'{}'", argument.replace('\'', "'\\''"))
     }
 }
 

@@ -113,11 +113,13 @@ where
     Y: AsRangedCoord<Value = f64>,
     Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
 {
-    let text = ("sans-serif", 13).into_font().color(&BLACK);
+    let text = ("sans-serif", 15).into_font().color(&BLACK);
+    // What is counted has no halves.
+    let steps = (across.end - across.start) as usize + 1;
     let mut chart = ChartBuilder::on(root)
         .margin(8)
-        .x_label_area_size(38)
-        .y_label_area_size(62)
+        .x_label_area_size(42)
+        .y_label_area_size(70)
         .build_cartesian_2d(across, up)?;
     let number = |x: &f64| match x.abs() {
         0.0 => "0".to_owned(),
@@ -128,7 +130,7 @@ where
         .configure_mesh()
         .x_desc(axes.x)
         .y_desc(axes.y)
-        .x_labels(8)
+        .x_labels(steps.min(8))
         .y_labels(6)
         .x_label_formatter(&number)
         .y_label_formatter(&number)
@@ -148,7 +150,10 @@ where
                 chart.draw_series(DashedLineSeries::new(points(), 6, 4, style))?
             }
             Mark::Points => {
-                chart.draw_series(points().map(|p| Circle::new(p, 3, colour.filled())))?
+                // Those that lie under others reach out from under them.
+                let above = series[i + 1..].iter().filter(|other| other.mark == Mark::Points);
+                let radius = 3 + 2 * above.count() as i32;
+                chart.draw_series(points().map(|p| Circle::new(p, radius, colour.filled())))?
             }
         };
     }

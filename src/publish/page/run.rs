@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::frame::{badge, page};
+use super::frame::{badge, command, flow_of_all, page};
 use crate::publish::report::{MeshReport, RunReport, Status};
 use crate::publish::table::{duration, six_digits, summary, zero_or_digits};
 
@@ -33,7 +33,7 @@ pub fn run_page(report: &RunReport) -> String {
                             @for mesh in failed {
                                 tr {
                                     td.text { (mesh.path) }
-                                    td.text style="white-space: normal; min-width: 20rem" { (mesh.reason.as_deref().unwrap_or("no reason is known")) }
+                                    td.text.wide { (mesh.reason.as_deref().unwrap_or("no reason is known")) }
                                 }
                             }
                         }
@@ -51,11 +51,17 @@ pub fn run_page(report: &RunReport) -> String {
                                 th { "seconds" }
                             }
                         }
-                        tbody { @for mesh in done { (row(mesh, most)) } }
+                        tbody { @for mesh in &done { (row(mesh, most)) } }
                     }
                 }
                 @if most == SHOWN { p.soft { "The first " (SHOWN) " eigenvalues; all are in spectrum.json and eigen.npz of each mesh." } }
+                h2 { "How it came about" }
+                (flow_of_all(done.iter().map(|mesh| &*mesh.stages)))
+                p.soft { "Times are those of all meshes added up, which are worked on beside one another; dashed: from the cache." }
             }
+            h2 { "Where it comes from" }
+            p { "chladni " (env!("CARGO_PKG_VERSION")) ". The page of a mesh has its hash and all parameters." }
+            (command())
         },
     )
 }

@@ -79,12 +79,14 @@ fn the_document_of_a_run_is_the_contract() {
         finished["completeness"],
         json!({ "sigma": 3.0, "count": null, "found": 2, "complete": false, "cut_cluster": true })
     );
+    assert_eq!(finished["repairs"]["welded_vertices"], 4);
+    assert_eq!(finished["stages"][0]["stage"], "assemble");
     assert_eq!(
         *failed,
         json!({
             "path": "b.obj", "hash": null, "vertices": null, "area": null, "status": "failed",
             "reason": "the file is empty", "out": null, "eigenpairs": [], "completeness": null,
-            "trained": 0, "reused": 0, "seconds": 0.0
+            "repairs": null, "stages": [], "trained": 0, "reused": 0, "seconds": 0.0
         })
     );
 }

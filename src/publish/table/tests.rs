@@ -1,6 +1,8 @@
 //! The text of small runs, letter by letter.
 
-use super::super::result::{Ancestor, Eigenpair, Inheritance, MpgdRun, Source, Verdict};
+use super::super::result::{
+    Ancestor, Eigenpair, Inheritance, MpgdRun, RepairCounts, Source, Verdict,
+};
 use super::*;
 use crate::mesh::sample::icosphere;
 
@@ -41,6 +43,7 @@ fn sphere() -> MeshReport {
         status: Status::Verified,
         reason: None,
         out: Some("out/sphere.obj".to_owned()),
+        repairs: Some(RepairCounts::default()),
         eigenpairs: vec![
             pair(1, -3e-15, None),
             pair(2, 2.0123456, Some(StoppedBy::Tolerance)),
@@ -56,6 +59,7 @@ fn sphere() -> MeshReport {
         grown_from: None,
         trained: 2,
         reused: 0,
+        stages: Vec::new(),
         seconds: 7.5,
     }
 }
@@ -82,6 +86,8 @@ fn a_run_with_a_good_a_doubtful_and_a_failed_mesh() {
     doubtful.reason = Some("pair 2: angle to the reference".to_owned());
     doubtful.eigenpairs = vec![pair(1, 0.0, None), pair(2, 123456.7, Some(StoppedBy::Count))];
     doubtful.eigenpairs[1].cached = true;
+    let repairs = RepairCounts { duplicate_faces: 8, polygons: 2, ..RepairCounts::default() };
+    doubtful.repairs = Some(repairs);
     doubtful.eigenpairs[1].pair.verdict = Verdict::Unverified;
     doubtful.eigenpairs[1].pair.angle_fem = f64::NAN;
     let counted = doubtful.completeness.as_mut().unwrap();
@@ -109,6 +115,7 @@ k       λ  λ M-PGD   λ FEM   angle       ρ  verdict     source       s
 ───────────────────────────────────────────────────────────────────────
 1       0       0        0  1.2e-2  1.2e-3  verified    constant     –
 2  123457  124691*  123333       –  1.2e-3  unverified  reused    3.26
+mended: 8 duplicate faces dropped, 2 polygons triangulated
 * M-PGD has not converged there, or not for a pair before; its opinion does not count
 not complete: 3 eigenvalues below σ = 13.5000, 2 found
 unverified: pair 2: angle to the reference

@@ -40,12 +40,11 @@ use super::intake::Job;
 use super::line::{Line, failed};
 use super::predict::GivenModel;
 use super::{Failure, retention};
-use crate::descriptors::Descriptor;
 use crate::flow::{EventSink, Outcome};
 use crate::pipeline::{OnDelete, Pipeline};
-use crate::publish::export::shape_dna;
 use crate::publish::kept_current::KeptCurrent;
-use crate::publish::report::{MeshReport, Status};
+use crate::publish::overview::Overview;
+use crate::publish::report::{MeshReport, RunReport, Status};
 use crate::publish::watched::Happened;
 use crate::store::Store;
 use crate::watch::hints::{Hints, Silent};
@@ -124,7 +123,7 @@ pub async fn watch(
         complaint: None,
         account,
         parts,
-        compares: false,
+        overview: Overview::default(),
     };
     loop {
         match house.keep_current(pipeline, model, source).await? {
@@ -203,7 +202,7 @@ struct House<'t> {
     account: Account<'t>,
     parts: Parts,
     /// Whether there is a table of all fingerprints.
-    compares: bool,
+    overview: Overview,
 }
 
 impl House<'_> {
@@ -219,7 +218,7 @@ impl House<'_> {
         // Under another pipeline every mesh is looked at again.
         let known: Vec<_> = self.account.begins(removes).collect();
         let is_cut_otherwise = self.parts.cut(pipeline.ingest.objects);
-        self.compares = pipeline.publish.descriptors.contains(&Descriptor::ShapeDna);
+        self.overview = Overview::of(&pipeline.publish);
         self.remember_the_last_watch(removes);
         let cancel = self.watch.cancel.child_token();
         let context = Arc::new(self.context(pipeline, model, cancel.clone()));
@@ -523,16 +522,16 @@ impl House<'_> {
         }
     }
 
-    /// The table of all fingerprints, where it is asked for; none of an earlier pipeline otherwise.
-    async fn compare(&self) {
-        let out = self.watch.out.clone();
-        let report = self.compares.then(|| self.account.report());
-        let written = tokio::task::spawn_blocking(move || match report {
-            Some(report) => shape_dna::write(&out, &report),
-            None => shape_dna::remove_files(&out),
-        });
+    /// What stands beside the folders of all meshes, where it is asked for; nothing of an earlier pipeline otherwise.
+    async fn look_over_all(&self) {
+        let (out, overview) = (self.watch.out.clone(), self.overview);
+        let report = match overview.is_empty() {
+            true => RunReport::new(Vec::new(), 0.0),
+            false => self.account.report(),
+        };
+        let written = tokio::task::spawn_blocking(move || overview.write(&out, &report));
         if let Ok(Err(error)) = written.await {
-            tracing::warn!("the table of ShapeDNA is not current: {error}");
+            tracing::warn!("the page and the tables of all meshes are not current: {error}");
         }
     }
 
@@ -542,7 +541,7 @@ impl House<'_> {
             return;
         }
         self.leave_word().await;
-        self.compare().await;
+        self.look_over_all().await;
         let Some(store) = self.watch.store.clone() else { return };
         let kept = tokio::task::spawn_blocking(move || retention::keep_models(&store)).await;
         if let Ok(Err(error)) = kept {

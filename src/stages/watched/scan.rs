@@ -26,17 +26,9 @@ pub fn scan(folder: &Path, before: &Seen) -> Result<Seen, IntakeError> {
         let stamp = match before.get(&job.source).filter(|before| before.is_same_file(&alone)) {
             Some(before) if before.companions().next().is_none() => alone,
             Some(before) => Stamp::of(&job.source, before.companions().cloned().collect()).ok()?,
-            None if names_others(&job.source) => {
-                Stamp::of(&job.source, companions(&job.source)).ok()?
-            }
-            None => alone,
+            None => Stamp::of(&job.source, companions(&job.source)).ok()?,
         };
         Some((job.source, stamp))
     };
     Ok(intake::search(folder)?.into_iter().filter_map(look).collect())
-}
-
-/// Whether a file of this kind may name others.
-fn names_others(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gltf"))
 }

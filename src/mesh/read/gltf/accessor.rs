@@ -6,24 +6,41 @@ use gltf::accessor::sparse::{IndexType, Sparse};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::{Accessor, buffer::View};
 
+use super::buffers::Buffers;
 use crate::mesh::error::Fault;
 
-/// How many positions and indices may be read per byte of input: instances of a mesh, and sparse accessors
+/// How many positions, indices and primitives may come of a byte of input: instances of a mesh, and accessors
 /// over nothing, make more of them than the file holds.
-const PER_BYTE: usize = 16;
+const PER_BYTE: usize = 2;
 
-/// The buffers of a document, and how much may still be read from them.
-pub struct Data {
-    buffers: Vec<Vec<u8>>,
+/// How much may still be made of a scene.
+pub struct Budget {
+    /// The size of its document and buffers.
     bytes: usize,
     left: usize,
 }
 
+impl Budget {
+    /// Takes note that so many positions, indices or primitives come to the others.
+    pub fn spend(&mut self, count: usize) -> Result<(), Fault> {
+        let limit = self.bytes.saturating_mul(PER_BYTE);
+        let too_many = Fault::TooManyInstances { limit, bytes: self.bytes };
+        self.left = self.left.checked_sub(count).ok_or(too_many)?;
+        Ok(())
+    }
+}
+
+/// The buffers of a document, and how much may still be read from them.
+pub struct Data {
+    buffers: Buffers,
+    pub budget: Budget,
+}
+
 impl Data {
     /// `document` is the size in bytes of the document itself.
-    pub fn new(buffers: Vec<Vec<u8>>, document: usize) -> Self {
-        let bytes = document + buffers.iter().map(Vec::len).sum::<usize>();
-        Self { buffers, bytes, left: bytes.saturating_mul(PER_BYTE) }
+    pub fn new(buffers: Buffers, document: usize) -> Self {
+        let bytes = document + buffers.bytes();
+        Self { buffers, budget: Budget { bytes, left: bytes.saturating_mul(PER_BYTE) } }
     }
 
     /// Positions, in double precision and not yet transformed.
@@ -64,23 +81,17 @@ impl Data {
         parse: impl Fn(&[u8; SIZE]) -> T,
     ) -> Result<Vec<T>, Fault> {
         let count = accessor.count();
-        let left = self.left.checked_sub(count);
         let Some(view) = accessor.view() else {
-            self.left =
-                left.ok_or_else(|| fault(accessor, "its count is far larger than the file"))?;
+            let spent = self.budget.spend(count);
+            spent.map_err(|_| fault(accessor, "its count is far larger than the file"))?;
             return Ok(vec![T::default(); count]);
         };
-        let elements = self.elements(accessor, &view, accessor.offset(), count, parse)?;
-        self.left = left.ok_or(Fault::TooManyInstances {
-            limit: self.bytes.saturating_mul(PER_BYTE),
-            bytes: self.bytes,
-        })?;
-        Ok(elements)
+        self.elements(accessor, &view, accessor.offset(), count, parse)
     }
 
     /// `count` elements of `SIZE` bytes, `offset` bytes into a view.
     fn elements<T, const SIZE: usize>(
-        &self,
+        &mut self,
         accessor: &Accessor<'_>,
         view: &View<'_>,
         offset: usize,
@@ -88,6 +99,7 @@ impl Data {
         parse: impl Fn(&[u8; SIZE]) -> T,
     ) -> Result<Vec<T>, Fault> {
         let bytes = self
+            .buffers
             .view(view)
             .and_then(|bytes| bytes.get(offset..))
             .ok_or_else(|| fault(accessor, "it starts outside its buffer"))?;
@@ -102,17 +114,13 @@ impl Data {
             );
             return Err(fault(accessor, &problem));
         }
+        self.budget.spend(count)?;
         Ok((0..count).filter_map(|i| bytes.get(i * stride..)?.first_chunk()).map(parse).collect())
-    }
-
-    fn view(&self, view: &View<'_>) -> Option<&[u8]> {
-        let end = view.offset().checked_add(view.length())?;
-        self.buffers.get(view.buffer().index())?.get(view.offset()..end)
     }
 
     /// Puts the values of a sparse accessor in their places.
     fn replace(
-        &self,
+        &mut self,
         accessor: &Accessor<'_>,
         sparse: &Sparse<'_>,
         positions: &mut [[f64; 3]],

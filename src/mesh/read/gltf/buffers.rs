@@ -1,52 +1,100 @@
 //! The bytes that a glTF document refers to: its binary chunk, base64 inside it, files beside it.
 
+use std::collections::HashMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{Error, Read};
 use std::path::{Component, Path, PathBuf};
+use std::rc::Rc;
 
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
-use gltf::buffer::Source;
+use gltf::buffer::{Source, View};
 use gltf::{Buffer, Document};
 
 use crate::mesh::error::Fault;
+use crate::mesh::read::values::excerpt;
 
-/// Reads every buffer of `document`; `folder` is where the document lies. Each has the length it promises.
-pub fn resolve(
-    document: &Document,
-    mut blob: Option<Vec<u8>>,
-    folder: &Path,
-) -> Result<Vec<Vec<u8>>, Fault> {
-    document
-        .buffers()
-        .map(|buffer| {
-            let bytes = read(&buffer, &mut blob, folder);
-            let checked = bytes.and_then(|bytes| match bytes.len() {
+/// The bytes of every buffer, each of at least the length that the document says.
+pub struct Buffers {
+    all: Vec<Rc<Vec<u8>>>,
+    bytes: usize,
+}
+
+impl Buffers {
+    /// Reads every buffer of `document`; `folder` is where the document lies.
+    pub fn resolve(
+        document: &Document,
+        blob: Option<Vec<u8>>,
+        folder: &Path,
+    ) -> Result<Self, Fault> {
+        let mut sources = Sources { blob, folder, files: HashMap::new(), bytes: 0 };
+        let read = document.buffers().map(|buffer| {
+            let bytes = sources.read(&buffer).and_then(|bytes| match bytes.len() {
                 got if got >= buffer.length() => Ok(bytes),
                 got => Err(format!(
                     "holds {got} bytes where the document says {}; the file is cut short, or belongs to another document",
                     buffer.length()
                 )),
             });
-            checked.map_err(|problem| Fault::Buffer {
-                buffer: buffer.index(),
-                problem,
-            })
-        })
-        .collect()
+            bytes.map_err(|problem| Fault::Buffer { buffer: buffer.index(), problem })
+        });
+        let all = read.collect::<Result<_, _>>()?;
+        Ok(Self { all, bytes: sources.bytes })
+    }
+
+    /// How many bytes there are, what several buffers name counted once.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// The bytes of a view; none where it leaves its buffer.
+    pub fn view(&self, view: &View<'_>) -> Option<&[u8]> {
+        let end = view.offset().checked_add(view.length())?;
+        self.all.get(view.buffer().index())?.get(view.offset()..end)
+    }
 }
 
-fn read(buffer: &Buffer<'_>, blob: &mut Option<Vec<u8>>, folder: &Path) -> Result<Vec<u8>, String> {
-    match buffer.source() {
-        Source::Bin => blob
-            .take()
-            .ok_or_else(|| "the document has no binary chunk for it; export it again".to_owned()),
-        Source::Uri(uri) => match uri.strip_prefix("data:") {
-            Some(data) => decode(data),
-            None => read_beside(folder, uri, buffer.length()),
-        },
+/// Where buffers come from.
+struct Sources<'a> {
+    blob: Option<Vec<u8>>,
+    folder: &'a Path,
+    /// Those that were read: many buffers may name one file.
+    files: HashMap<PathBuf, Rc<Vec<u8>>>,
+    /// What all of them hold.
+    bytes: usize,
+}
+
+impl Sources<'_> {
+    fn read(&mut self, buffer: &Buffer<'_>) -> Result<Rc<Vec<u8>>, String> {
+        let bytes = match buffer.source() {
+            Source::Bin => self.blob.take().ok_or_else(|| {
+                "the document has no binary chunk for it; export it again".to_owned()
+            }),
+            Source::Uri(uri) => match uri.strip_prefix("data:") {
+                Some(data) => decode(data),
+                None => return self.file(uri),
+            },
+        };
+        bytes.map(|bytes| self.counted(bytes))
+    }
+
+    /// A file beside the document.
+    fn file(&mut self, uri: &str) -> Result<Rc<Vec<u8>>, String> {
+        let path = beside(self.folder, uri)?;
+        if let Some(read) = self.files.get(&path) {
+            return Ok(read.clone());
+        }
+        let bytes = read_file(&path).map_err(|error| cannot_be_read(&path, &error))?;
+        let bytes = self.counted(bytes);
+        self.files.insert(path, bytes.clone());
+        Ok(bytes)
+    }
+
+    fn counted(&mut self, bytes: Vec<u8>) -> Rc<Vec<u8>> {
+        self.bytes += bytes.len();
+        Rc::new(bytes)
     }
 }
 
@@ -62,26 +110,36 @@ fn decode(data: &str) -> Result<Vec<u8>, String> {
         .map_err(|error| format!("its base64 is damaged ({error}); export it again"))
 }
 
-fn read_beside(folder: &Path, uri: &str, length: usize) -> Result<Vec<u8>, String> {
+/// The one path of the file that a URI names.
+fn beside(folder: &Path, uri: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(percent_decoded(uri));
     let relative =
         path.components().all(|part| !matches!(part, Component::Prefix(_) | Component::RootDir));
     if uri.contains("://") || !relative {
         return Err(format!(
-            "`{uri}` is not beside the document; put the file there and name it without a folder"
+            "`{}` is not beside the document; put the file there and name it without a folder",
+            excerpt(uri.as_bytes())
         ));
     }
     let path = folder.join(path);
-    let complain = |error: std::io::Error| {
-        format!("{} cannot be read: {error}; a .gltf has to lie beside its buffers", path.display())
-    };
-    let file = File::open(&path).map_err(complain)?;
-    if !file.metadata().map_err(complain)?.is_file() {
-        return Err(format!("{} is not a file", path.display()));
+    path.canonicalize().map_err(|error| cannot_be_read(&path, &error))
+}
+
+/// As many bytes as the system says that the file has. A pipe would be waited for, and some files of the system never end.
+fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
+    let metadata = path.metadata()?;
+    if !metadata.is_file() {
+        return Err(Error::other("it is not a regular file"));
     }
     let mut bytes = Vec::new();
-    file.take(length as u64).read_to_end(&mut bytes).map_err(complain)?;
+    File::open(path)?.take(metadata.len()).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+fn cannot_be_read(path: &Path, error: &Error) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    let name = excerpt(name.as_bytes());
+    format!("{name} cannot be read: {error}; a .gltf has to lie beside its buffers")
 }
 
 /// `%20` and its like in a URI, as the bytes they stand for.
@@ -122,12 +180,36 @@ mod tests {
     fn files_are_looked_for_beside_the_document() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a b.bin"), [1, 2, 3, 4]).unwrap();
-        let read = |uri| read_beside(folder.path(), uri, 3);
-        assert_eq!(read("a%20b.bin").unwrap(), [1, 2, 3]);
+        let files = HashMap::new();
+        let mut sources = Sources { blob: None, folder: folder.path(), files, bytes: 0 };
+        let mut read = |uri| sources.file(uri);
+        let first = read("a%20b.bin").unwrap();
+        assert_eq!(*first, [1, 2, 3, 4]);
+        assert!(Rc::ptr_eq(&first, &read("./a b.bin").unwrap()));
         assert!(read("c.bin").unwrap_err().contains("c.bin cannot be read"));
         assert!(read("/etc/hostname").unwrap_err().contains("not beside"));
         assert!(read("https://x.org/a.bin").unwrap_err().contains("not beside"));
-        assert!(read(".").is_err());
+        assert!(read(".").unwrap_err().contains("not a regular file"));
+        let hostile = format!("http://\u{1b}[2J\n{}", "x".repeat(1 << 20));
+        let message = read(&hostile).unwrap_err();
+        assert!(message.len() < 200 && !message.contains(char::is_control), "{message}");
+        assert_eq!(sources.bytes, 4);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_files_without_an_end_are_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe.bin");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        if made.is_ok_and(|status| status.success()) {
+            assert!(read_file(&pipe).unwrap_err().to_string().contains("regular"));
+        }
+        assert!(read_file("/dev/zero".as_ref()).is_err());
+        let endless = Path::new("/proc/self/pagemap");
+        if endless.exists() {
+            assert!(read_file(endless).is_ok_and(|bytes| bytes.is_empty()));
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ use gltf::json::{Root, Value};
 use gltf::{Document, Gltf, Semantic, binary};
 
 use crate::mesh::error::Fault;
+use crate::mesh::read::values::{excerpt, excerpt_of};
 
 /// Required extensions that do not touch positions and triangles, by the beginning of their names.
 const HARMLESS: [&str; 6] = [
@@ -33,7 +34,7 @@ pub fn parse(bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>), Fault> {
         .iter()
         .find(|name| !HARMLESS.iter().any(|prefix| name.starts_with(prefix)))
     {
-        return Err(Fault::RequiredExtension { name: name.clone() });
+        return Err(Fault::RequiredExtension { name: excerpt(name.as_bytes()) });
     }
     keep_geometry(&mut root)?;
     let document = Document::from_json(root).map_err(invalid)?;
@@ -106,7 +107,8 @@ fn invalid(error: gltf::Error) -> Fault {
                 .collect::<Vec<_>>()
                 .join("; "),
         ),
-        other => Fault::InvalidDocument(other.to_string()),
+        // It may quote all of the document.
+        other => Fault::InvalidDocument(excerpt_of(other.to_string().as_bytes(), 200)),
     }
 }
 
@@ -138,6 +140,8 @@ mod tests {
         let refused = with("EXT_meshopt_compression").unwrap_err();
         assert!(refused.contains("EXT_meshopt_compression"), "{refused}");
         assert!(refused.contains("without meshopt"), "{refused}");
+        let refused = with("KHR_mesh_quantization").unwrap_err();
+        assert!(refused.contains("with floating-point positions"), "{refused}");
     }
 
     #[test]

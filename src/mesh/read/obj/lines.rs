@@ -31,11 +31,11 @@ pub fn lines(text: &[u8]) -> impl Iterator<Item = Line<'_>> {
     std::iter::from_fn(move || {
         let (line, number) = numbered.next()?;
         let mut text = Cow::Borrowed(bare(line));
-        while let Some(head) = text.strip_suffix(b"\\") {
-            let mut joined = head.to_vec();
+        while text.ends_with(b"\\") {
+            let joined = text.to_mut();
+            joined.pop();
             joined.push(b' ');
             joined.extend_from_slice(numbered.next().map_or(&[], |(line, _)| bare(line)));
-            text = Cow::Owned(joined);
         }
         Some(Line { number, text })
     })
@@ -95,7 +95,9 @@ impl<'a, I: Iterator<Item = Line<'a>>> Geometry<'a, I> {
                 _ => continue,
             };
             for word in line.words().take(words) {
-                self.current.extend_from_slice(word);
+                // tobj would read several numbers where letters of no alphabet are blanks.
+                let is_plain = word.iter().all(u8::is_ascii_graphic);
+                self.current.extend_from_slice(if is_plain { word } else { b"?" });
                 self.current.push(b' ');
             }
             self.current.push(b'\n');

@@ -40,6 +40,13 @@ fn small_files_keep_the_roll_call_apart_from_their_faces() {
 }
 
 #[test]
+fn blanks_of_other_alphabets_part_no_numbers() {
+    let (place, message) = failure(&format!("{SQUARE}v 0 0 0\u{a0}1\u{a0}1\nf 1 2 3\n"));
+    assert_eq!(place, Some(Place::Line(5)));
+    assert!(message.contains("cannot read `v 0 0 0"), "{message}");
+}
+
+#[test]
 fn seams_do_not_cut() {
     let text = format!("{SQUARE}vt 0 0\nvt 1 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1\nf 1/2 3/2 4//1\n");
     let raw = read(text.as_bytes()).unwrap();

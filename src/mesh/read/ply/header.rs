@@ -1,5 +1,7 @@
 //! The header of a PLY file: how its numbers are written, and which elements of which properties there are.
 
+use std::collections::HashSet;
+
 use crate::mesh::error::{Failure, Fault, Place};
 use crate::mesh::read::scan::Scanner;
 use crate::mesh::read::values::{Layout, Order, Scalar, excerpt, parse};
@@ -34,6 +36,7 @@ impl Header {
     pub fn read(scanner: &mut Scanner<'_>) -> Result<Self, Failure> {
         let mut layout = None;
         let mut elements: Vec<Element> = Vec::new();
+        let mut names = HashSet::new();
         // The first line is `ply`, or this would be another format.
         scanner.line();
         while scanner.next_line() {
@@ -44,7 +47,14 @@ impl Header {
                     return Ok(Self { layout: layout.ok_or_else(missing)?, elements });
                 }
                 b"format" => layout = Some(format(scanner)?),
-                b"element" => elements.push(Element::declared(scanner, &elements)?),
+                b"element" => {
+                    let element = Element::declared(scanner)?;
+                    if !names.insert(element.name.clone()) {
+                        let problem = format!("there are two elements `{}`", element.name);
+                        return Err(malformed(scanner, problem));
+                    }
+                    elements.push(element);
+                }
                 b"property" => match elements.last_mut() {
                     Some(element) => element.properties.push(Property::declared(scanner)?),
                     None => {
@@ -71,11 +81,8 @@ fn format(scanner: &mut Scanner<'_>) -> Result<Layout, Failure> {
 }
 
 impl Element {
-    fn declared(scanner: &mut Scanner<'_>, earlier: &[Self]) -> Result<Self, Failure> {
+    fn declared(scanner: &mut Scanner<'_>) -> Result<Self, Failure> {
         let name = name(scanner)?;
-        if earlier.iter().any(|element| element.name == name) {
-            return Err(malformed(scanner, format!("there are two elements `{name}`")));
-        }
         let count = parse(scanner.word_of_line().unwrap_or_default(), "a count")
             .map_err(|fault| Failure::at(Place::Line(scanner.number()), fault))?;
         Ok(Self { name, count, properties: Vec::new(), line: scanner.number() })

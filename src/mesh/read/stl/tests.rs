@@ -33,7 +33,7 @@ fn text_keeps_its_digits_and_binary_its_bits() {
     assert_eq!(raw.positions[1], [0.1, 0.0, 0.0]);
     assert_eq!(raw.position_place(4), Some(Place::Line(12)));
     assert_eq!(raw.triangle_place(1), Some(Place::Line(9)));
-    for header in ["", "solid part\nfacet normal"] {
+    for header in ["", "solid part\nfacet normal", "\u{feff}solid"] {
         let raw = read(&binary(header, &FACETS)).unwrap();
         assert_eq!(raw.triangles, [[0, 1, 2], [3, 4, 5]]);
         assert_eq!(raw.positions[1], [f64::from(0.1_f32), 0.0, 0.0]);

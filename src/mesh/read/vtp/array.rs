@@ -14,8 +14,8 @@ use crate::mesh::error::{Failure, Fault, Place};
 use crate::mesh::read::scan::Scanner;
 use crate::mesh::read::values::{Layout, Order, Scalar, Values};
 
-/// How many numbers are read per byte of the file. Compression makes more numbers than there are bytes, and so do arrays
-/// that name the same bytes; no mesh comes near this.
+/// How many numbers are read per byte of the file, and how often a byte of it may be decoded. Compression makes more numbers
+/// than there are bytes, and so do arrays that name the same bytes; no mesh comes near this.
 const PER_BYTE: usize = 4;
 
 /// Reads the arrays of a document, and no more numbers than its size can mean.
@@ -24,7 +24,10 @@ pub struct Decoder<'a> {
     header: Scalar,
     compressed: bool,
     appended: Option<Appended<'a>>,
+    /// Numbers that may still be read.
     left: usize,
+    /// Encoded bytes that may still be decoded.
+    encoded: usize,
 }
 
 /// The numbers of an array, decoded.
@@ -46,7 +49,8 @@ impl<'a> Decoder<'a> {
     /// For a document of so many bytes.
     pub fn new(document: &Document<'a>, size: usize) -> Self {
         let &Document { order, header, compressed, appended, .. } = document;
-        Self { order, header, compressed, appended, left: size.saturating_mul(PER_BYTE) }
+        let left = size.saturating_mul(PER_BYTE);
+        Self { order, header, compressed, appended, left, encoded: left }
     }
 
     /// The numbers of an array that has to have `count` of them; none for a count beyond all memory.
@@ -86,8 +90,22 @@ impl<'a> Decoder<'a> {
 
     /// The bytes of `count` numbers.
     fn decoded(
-        &self,
+        &mut self,
         mut source: Source<'a>,
+        count: usize,
+        array: &Array<'a>,
+    ) -> Result<Cow<'a, [u8]>, Failure> {
+        let before = source.len();
+        let bytes = self.decode(&mut source, count, array)?;
+        let spent = before - source.len();
+        let too_often = || malformed(array.line, "its arrays name the same bytes".to_owned());
+        self.encoded = self.encoded.checked_sub(spent).ok_or_else(too_often)?;
+        Ok(bytes)
+    }
+
+    fn decode(
+        &self,
+        source: &mut Source<'a>,
         count: usize,
         array: &Array<'a>,
     ) -> Result<Cow<'a, [u8]>, Failure> {
@@ -99,24 +117,26 @@ impl<'a> Decoder<'a> {
         if size == 0 {
             return Ok(Cow::Borrowed(&[]));
         }
-        let first = self.word(&mut source).ok_or_else(|| ends_early(array))?;
+        let first = self.word(source).ok_or_else(|| ends_early(array))?;
         if !self.compressed {
             if first != size {
                 return Err(holds(first));
             }
             return source.take(size).ok_or_else(|| ends_early(array));
         }
-        let (blocks, block) = (first, self.word(&mut source));
-        let last = self.word(&mut source);
+        let (blocks, block) = (first, self.word(source));
+        let last = self.word(source);
         let (Some(block), Some(last)) = (block, last) else { return Err(ends_early(array)) };
+        // Blocks without content would be as many as anybody likes.
         let full = blocks.checked_sub(usize::from(last > 0));
+        let full = full.filter(|&full| full == 0 || block > 0);
         let total = full.and_then(|full| full.checked_mul(block)?.checked_add(last));
         if total != Some(size) {
             return Err(holds(total.unwrap_or_default()));
         }
         let mut sizes = Vec::new();
         for _ in 0..blocks {
-            sizes.push(self.word(&mut source).ok_or_else(|| ends_early(array))?);
+            sizes.push(self.word(source).ok_or_else(|| ends_early(array))?);
         }
         let mut bytes = Vec::new();
         for (number, compressed) in sizes.into_iter().enumerate() {
@@ -135,7 +155,7 @@ impl<'a> Decoder<'a> {
     /// The next number of a header.
     fn word(&self, source: &mut Source<'a>) -> Option<usize> {
         let bytes = source.take(self.header.size())?;
-        let scanner = Scanner::new(&bytes);
+        let scanner = Scanner::from_line(&bytes, 1);
         let mut values = Values::new("VTP", scanner, Layout::Bytes(self.order));
         values.count(self.header).ok()
     }
@@ -148,6 +168,14 @@ enum Source<'a> {
 }
 
 impl<'a> Source<'a> {
+    /// What is left of it as it stands in the file.
+    fn len(&self) -> usize {
+        match self {
+            Self::Raw(bytes) => bytes.len(),
+            Self::Base64(text) => text.len(),
+        }
+    }
+
     fn take(&mut self, count: usize) -> Option<Cow<'a, [u8]>> {
         match self {
             Self::Raw(bytes) => {

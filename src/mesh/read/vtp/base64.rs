@@ -13,6 +13,11 @@ impl<'a> Base64<'a> {
         Self { text, decoded: Vec::new() }
     }
 
+    /// How many characters are left.
+    pub fn len(&self) -> usize {
+        self.text.len()
+    }
+
     /// The next `count` bytes; none where there are fewer, or where a character is not of base64.
     pub fn take(&mut self, count: usize) -> Option<Vec<u8>> {
         // Four characters make three bytes: a count beyond that asks for no memory.

@@ -83,29 +83,30 @@
     turn = times([1, 0, 0, 0, cy, -sy, 0, sy, cy], times([cx, 0, sx, 0, 1, 0, -sx, 0, cx], turn));
     draw();
   };
-  const draw = () => {
-    if (asked) return;
-    asked = true;
-    requestAnimationFrame(() => {
-      asked = false;
-      twgl.resizeCanvasToDisplaySize(canvas, Math.min(window.devicePixelRatio || 1, 2));
-      const { width, height } = canvas;
-      const size = (0.94 * zoom * Math.min(width, height)) / 1;
-      gl.viewport(0, 0, width, height);
-      gl.enable(gl.DEPTH_TEST);
-      gl.clearColor(0, 0, 0, 0);
-      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-      gl.useProgram(program.program);
-      twgl.setBuffersAndAttributes(gl, program, buffers);
-      twgl.setUniforms(program, {
-        // Columns first.
-        turn: [turn[0], turn[3], turn[6], turn[1], turn[4], turn[7], turn[2], turn[5], turn[8]],
-        scale: [size / width, size / height],
-        colours: texture,
-        lit: about.lit ? 1 : 0,
-      });
-      twgl.drawBufferInfo(gl, buffers);
+  const drawNow = () => {
+    asked = false;
+    twgl.resizeCanvasToDisplaySize(canvas, Math.min(window.devicePixelRatio || 1, 2));
+    const { width, height } = canvas;
+    const size = 0.94 * zoom * Math.min(width, height);
+    gl.viewport(0, 0, width, height);
+    gl.enable(gl.DEPTH_TEST);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(program.program);
+    twgl.setBuffersAndAttributes(gl, program, buffers);
+    twgl.setUniforms(program, {
+      // Columns first.
+      turn: [turn[0], turn[3], turn[6], turn[1], turn[4], turn[7], turn[2], turn[5], turn[8]],
+      scale: [size / width, size / height],
+      colours: texture,
+      lit: about.lit ? 1 : 0,
     });
+    twgl.drawBufferInfo(gl, buffers);
+  };
+  // However often it is asked for, once a frame.
+  const draw = () => {
+    if (!asked) requestAnimationFrame(drawNow);
+    asked = true;
   };
   const buttons = [...document.querySelectorAll("[data-function]")];
   const show = (index) => {
@@ -164,6 +165,7 @@
     event.preventDefault();
     act();
   });
-  new ResizeObserver(draw).observe(canvas);
+  // Before the new size is painted: in the old one the mesh would be stretched.
+  new ResizeObserver(drawNow).observe(canvas);
   show(0);
 })();
