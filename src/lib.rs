@@ -7,7 +7,7 @@
 //!                                        └─► descriptors ─► publish ─┼─► stages ─► cli
 //! store, flow, watch (know nothing of meshes) ───────────────────────┘
 //! ```
-//! `schema` says what options are to editors, and knows nothing of any.
+//! `schema` helps enums to say in JSON Schema what is written for them; it knows nothing of any.
 //!
 //! A program starts at [`stages::run`]; a single mesh and its spectrum at [`mesh::load`] and [`spectrum::fem`].
 

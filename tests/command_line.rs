@@ -51,7 +51,22 @@ fn exit_2_for_usage_and_configuration() {
     refused(&["--set", "train.recipe=none.toml"], "none.toml: ");
     workspace.write("bad.toml", "[train]\nstep = 3\n");
     refused(&["--set", "train.recipe=bad.toml"], "did you mean `train.steps`?");
-    refused(&["--jobs", "0"], "--jobs");
+    refused(&["--jobs", "0"], "'--jobs <N>': a whole number, at least 1");
+    refused(&["--memory", "8XB"], "a size such as 500MB or 20GB");
+    refused(&["--time-limit", "-1"], "a number of seconds, not negative");
+    refused(&["--quick"], "has no [quick]");
+    let meshes = workspace.path("meshes");
+    let [pipeline, cache] = ["pipeline.toml", "cache"].map(|name| workspace.path(name));
+    let [pipeline, cache, out] = [&pipeline, &cache, &meshes].map(|path| path.to_str().unwrap());
+    let output = chladni(&["run", pipeline, "--cache", cache, "--out", out]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains("sphere.obj lies there"), "{}", text(&output));
+    let sphere = workspace.path("meshes/sphere.obj");
+    for (no_pipeline, message) in [(&sphere, "it is a mesh, which"), (&meshes, "it is a folder")] {
+        let output = chladni(&["run", no_pipeline.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(text(&output).contains(message), "{}", text(&output));
+    }
     refused(&["--no-such-flag"], "--no-such-flag");
     let folder = workspace.path("empty");
     std::fs::create_dir(&folder).unwrap();
@@ -351,7 +366,7 @@ const DEFECTS: [(&str, &str, &str, [&str; 3]); 9] = [
         "face without area",
         ["line 8", "in a line", "ingest.degenerate_faces"],
     ),
-    ("polygon.obj", "f 1 2 4 3\n", "polygon", ["line 6", "fan", "none changes that"]),
+    ("quad.obj", "f 1 2 4 3\n", "polygon", ["line 6", "fan", "none changes that"]),
     (
         "point.obj",
         "f 1 2 3\np 1\n",
@@ -405,7 +420,7 @@ fn info_tells_of_every_kind_of_defect() {
 fn a_run_says_what_it_has_mended() {
     let workspace = Workspace::new(FEM);
     workspace.write("meshes/sphere.obj", &(obj(&icosphere(2)) + "f 1 1 2\nf 3 3 4\nv 9 9 9\n"));
-    let mended = "mended: 2 collapsed faces dropped, 1 unreferenced vertices dropped\n";
+    let mended = "mended: 2 collapsed faces dropped, 1 unreferenced vertex dropped\n";
     let output = workspace.run(&["--set", "publish.report=true"]).output().unwrap();
     assert!(text(&output).contains(mended), "{}", text(&output));
     let page = std::fs::read_to_string(workspace.path("out/sphere.obj/report.html")).unwrap();
@@ -446,26 +461,31 @@ fn errors_are_log_lines_where_those_are_json() {
 
 /// What a command prints on a terminal, if this system has `script` to make one.
 fn on_a_terminal(workspace: &Workspace, command: &str, no_color: &str) -> Option<String> {
-    let output = std::process::Command::new("script")
+    let script = || std::process::Command::new("script");
+    // Others of that name have other options.
+    let version = script().arg("--version").output().map(|output| text(&output));
+    if !version.is_ok_and(|version| version.contains("util-linux")) {
+        eprintln!("skipped: there is no `script` of util-linux");
+        return None;
+    }
+    let output = script()
         .args(["-qec", command, "/dev/null"])
         .current_dir(workspace.path(""))
         .env("NO_COLOR", no_color)
         .env("TERM", "xterm")
         .env_remove("RUST_LOG")
-        .output();
-    match output {
-        Ok(output) => Some(text(&output)),
-        Err(error) => {
-            eprintln!("skipped: script cannot be run ({error})");
-            None
-        }
-    }
+        .env_remove("CHLADNI_LOG")
+        .env_remove("CHLADNI_CACHE")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+    Some(text(&output))
 }
 
 #[test]
 fn a_terminal_has_colours_bars_and_pages_and_no_color_is_kept_to() {
     let workspace = Workspace::new(QUICK);
-    let run = format!("{} run pipeline.toml", env!("CARGO_BIN_EXE_chladni"));
+    let run = format!("'{}' run pipeline.toml", env!("CARGO_BIN_EXE_chladni"));
     let Some(shown) = on_a_terminal(&workspace, &run, "") else { return };
     assert!(shown.contains("\u{1b}[32mverified\u{1b}[0m"), "{shown:?}");
     assert!(shown.contains("/s "), "a bar has its rate: {shown:?}");

@@ -174,9 +174,11 @@ fn every_format_reads_back_to_the_same_eigenpairs() {
 /// The programs that people use, in Python: `CHLADNI_PYTHON`, or the one that is found. What is not installed there is passed over.
 #[test]
 fn other_peoples_libraries_read_the_same_numbers() {
-    let python = std::env::var("CHLADNI_PYTHON").unwrap_or("python3".into());
+    let given = std::env::var("CHLADNI_PYTHON").ok();
+    let python = given.clone().unwrap_or("python3".into());
     let has_numpy = Command::new(&python).args(["-c", "import numpy"]).output();
     if !has_numpy.is_ok_and(|output| output.status.success()) {
+        assert_eq!(given, None, "it has no numpy");
         eprintln!("skipped: {python} has no numpy");
         return;
     }
@@ -193,6 +195,15 @@ fn other_peoples_libraries_read_the_same_numbers() {
     let read = example("read_back.py");
     eprintln!("{read}");
     assert!(read.contains("eigen.json") && read.contains("spectrum.csv"), "{read}");
+    if given.is_some() {
+        for file in [
+            "eigen.vtu            meshio",
+            "eigen.mat            SciPy",
+            "mass.mtx             SciPy",
+        ] {
+            assert!(read.contains(file), "{file}: {read}");
+        }
+    }
     let apart: Vec<f64> = example("hks.py")
         .lines()
         .filter_map(|line| line.strip_suffix(" apart")?.rsplit(' ').next()?.parse().ok())

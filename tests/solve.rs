@@ -69,7 +69,10 @@ fn k_inside_a_cluster_is_complete_up_to_it() {
         (&completeness["cut_cluster"], &completeness["complete"]),
         (&true.into(), &true.into())
     );
-    assert!(text(&solve(&workspace, "meshes/sphere.obj", &["-k", "7"])).contains("last k cuts"));
+    assert!(
+        text(&solve(&workspace, "meshes/sphere.obj", &["-k", "7"]))
+            .contains("k = 7 cuts a cluster, of which 2 more are there")
+    );
 }
 
 #[test]

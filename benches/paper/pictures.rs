@@ -8,7 +8,7 @@ use std::path::Path;
 use chladni::mesh::TriMesh;
 use chladni::mesh::topology::component_labels;
 use chladni::operators::{Boundary, MassKind, Operators};
-use chladni::publish::picture::{Picture, Up, View, draw};
+use chladni::publish::picture::{Picture, Scene, Up, View};
 use chladni::spectrum::closed_form::{ClosedForm, projected};
 use chladni::spectrum::cluster::{CLUSTER_GAP, clusters, zero_below};
 use chladni::spectrum::factor::Analysis;
@@ -163,7 +163,8 @@ impl Seen {
         }
         let sizes = shown.iter().flat_map(|(_, phi)| phi.iter().map(|x| x.abs()));
         let limit = sizes.fold(0.0, f64::max);
-        let pictures = shown.iter().map(|(_, phi)| draw(mesh, phi, limit, self.view, SIZE));
+        let scene = Scene::of(mesh, self.view, SIZE);
+        let pictures = shown.iter().map(|(_, phi)| scene.draw(phi, limit));
         (pictures.collect(), shown.iter().map(|&(value, _)| value).collect())
     }
 }

@@ -15,7 +15,7 @@ When several apply: 130, then 1, 3, 4.";
 
 /// What `--help` says after the options: how a command is used, and how it ends.
 pub fn help(examples: &str) -> String {
-    format!("Examples:\n{examples}\n\n{HELP}")
+    format!("Examples:\n  {}\n\n{HELP}", examples.trim_start())
 }
 
 /// How a command ended.

@@ -3,6 +3,7 @@
 use super::exit::Exit;
 use super::task::{Part, Task, given_model};
 use super::{Format, Refusal, cache, print, print_json};
+use crate::mesh::error::listed;
 use crate::publish::plan::{PlannedCase, SweepPlan};
 use crate::stages::intake::Job;
 use crate::stages::plan::{Request, plan};
@@ -31,8 +32,8 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
         parts.retain(|part| !part.jobs.is_empty());
         if parts.is_empty() {
             return Err(Refusal::usage(format!(
-                "{mesh}: the pipeline has no such mesh; it has {}, …",
-                names[..names.len().min(8)].join(", ")
+                "{mesh}: the pipeline has no such mesh; it has {}",
+                listed(&names)
             )));
         }
     }

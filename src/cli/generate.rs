@@ -23,7 +23,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value = "0")]
     seed: u64,
     /// How many samplings; the files of several have numbers
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u64).range(1..))]
     count: u64,
     /// The file, as PLY or OBJ by its ending
     #[arg(long, value_name = "FILE")]

@@ -130,13 +130,13 @@ fn units([low, high]: [[f64; 3]; 2], area: f64) -> &'static str {
     if close_to(area, 1.0) {
         "none: scaled to unit area"
     } else if close_to(longest, 1.0) || close_to(longest, 2.0) {
-        "none, perhaps: scaled to a box of side 1 or 2"
+        "none: scaled to a box whose longest side is 1 or 2"
     } else if (0.02..20.0).contains(&longest) {
         "metres, if this is something at hand"
     } else if (20.0..20_000.0).contains(&longest) {
         "millimetres, if this is something at hand"
     } else {
-        "no guess: neither metres nor millimetres make this something at hand"
+        "not known: neither metres nor millimetres make this something at hand"
     }
 }
 
@@ -147,9 +147,9 @@ mod tests {
     #[test]
     fn units_are_guessed_by_the_size_of_what_is_at_hand() {
         let cube = |side: f64| units([[0.0; 3], [side; 3]], 6.0 * side * side);
-        assert!(cube(1.0).contains("side 1 or 2") && cube(1.7).starts_with("metres"));
+        assert!(cube(1.0).contains("side is 1 or 2") && cube(1.7).starts_with("metres"));
         assert!(cube(180.0).starts_with("millimetres"));
         assert!(cube((1.0_f64 / 6.0).sqrt()).contains("unit area"));
-        assert!(cube(1e6).starts_with("no guess") && cube(1e-6).starts_with("no guess"));
+        assert!(cube(1e6).starts_with("not known") && cube(1e-6).starts_with("not known"));
     }
 }

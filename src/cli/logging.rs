@@ -30,8 +30,9 @@ static LINES: OnceLock<Format> = OnceLock::new();
 /// Says why something did not happen: to people after "error:", to programs as a log line. What a file says moves no cursor.
 pub fn error(reason: &impl Display) {
     let reason = reason.to_string();
-    let lines: Vec<String> = reason.lines().map(printable).collect();
-    let reason = lines.join("\n");
+    // Lines and tabs are ours: an editor's line with a caret below it is of them.
+    let line = |line: &str| line.split('\t').map(printable).collect::<Vec<_>>().join("\t");
+    let reason = reason.lines().map(line).collect::<Vec<_>>().join("\n");
     match LINES.get() {
         Some(Format::Json) => tracing::error!("{reason}"),
         _ => eprintln!("error: {reason}"),
@@ -40,7 +41,7 @@ pub fn error(reason: &impl Display) {
 
 /// Starts logging. Bars are shown on a terminal only, and not among lines for programs.
 pub fn start(format: Format) {
-    LINES.get_or_init(|| format);
+    let _ = LINES.set(format);
     let otherwise = panic::take_hook();
     panic::set_hook(Box::new(move |panic| match thread::current().name() {
         Some("main") => otherwise(panic),
@@ -50,7 +51,10 @@ pub fn start(format: Format) {
     let registry = tracing_subscriber::registry();
     if format == Format::Json {
         let lines = fmt::layer().json().flatten_event(true).with_writer(stderr);
-        registry.with(lines.with_filter(filter())).init();
+        // Why a command has failed is said whatever RUST_LOG asks for.
+        let reasons = concat!(module_path!(), "=error").parse();
+        let filter = reasons.map_or_else(|_| filter(), |reasons| filter().add_directive(reasons));
+        registry.with(lines.with_filter(filter)).init();
     } else if stderr().is_terminal() {
         let style =
             ProgressStyle::with_template(BAR).unwrap_or_else(|_| ProgressStyle::default_bar());

@@ -29,6 +29,7 @@ mod status;
 mod task;
 mod watch;
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -102,6 +103,16 @@ enum Format {
     Json,
 }
 
+/// A number of things on the command line.
+fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "a whole number, at least 1".into())
+}
+
+/// A number of bytes on the command line.
+fn size(text: &str) -> Result<ByteSize, String> {
+    text.parse().map_err(|_| "a size such as 500MB or 20GB".into())
+}
+
 /// Where the cache is.
 #[derive(Debug, clap::Args)]
 struct CacheLocation {
@@ -118,7 +129,8 @@ struct CacheLimit {
         long = "cache-size",
         value_name = "SIZE",
         env = "CHLADNI_CACHE_SIZE",
-        default_value = "20GB"
+        default_value = "20GB",
+        value_parser = size
     )]
     size: ByteSize,
 }

@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(long)]
     model: String,
     /// How many eigenpairs; all that the model has unless given
-    #[arg(short, value_name = "K")]
+    #[arg(short, value_name = "K", value_parser = super::at_least_one)]
     k: Option<NonZeroUsize>,
     /// What is made of the predictions; all but none is a second result beside them
     #[arg(long, value_enum, default_value = "none")]
@@ -198,7 +198,15 @@ fn predict(context: &Context, job: Job, certify: bool) -> Result<Outcome, Failur
             operators = Some((assembled.operators, assembled.operators_digest));
         }
     }
-    let warnings = predicted.unlike.iter().map(ToString::to_string).collect();
+    let mut warnings: Vec<String> = predicted.unlike.iter().map(ToString::to_string).collect();
+    let lambdas = predicted.pencil.rayleigh_quotients(&predicted.vectors);
+    if predicted.refinement.is_none() && lambdas.windows(2).any(|pair| pair[1] < 0.9 * pair[0]) {
+        warnings.push(
+            "the predicted eigenvalues do not ascend, so they are not those of this mesh; \
+             --refine rayleigh-ritz makes the best of them, and --verify says how good that is"
+                .to_owned(),
+        );
+    }
     let refinement = predicted.refinement.as_ref().map(summary);
     if !certify {
         return Ok(Outcome { pairs: Pairs::Predicted(Box::new(predicted)), warnings, refinement });

@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -17,11 +18,12 @@ use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runt
 use crate::flow::events::EventFile;
 use crate::pipeline::Pages;
 use crate::pipeline::sweep::Comparison;
-use crate::publish::atomic;
 use crate::publish::overview::Overview;
 use crate::publish::report::{RunReport, Status};
 use crate::publish::sweep::{CaseReport, SweepReport};
 use crate::publish::table::{run_table, summary, sweep_table};
+use crate::publish::{atomic, page};
+use crate::stages::intake::Job;
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::weight::half_of_the_memory;
 use crate::store::Store;
@@ -46,20 +48,20 @@ pub struct Arguments {
     #[command(flatten)]
     limit: CacheLimit,
     /// Worker threads, and meshes under way at once [default: one a core]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::at_least_one)]
     jobs: Option<NonZeroUsize>,
     /// What the meshes under way may take of memory, for example 8GB: a mesh begins when there is room for it beside the others,
     /// told by the size of its file [default: half of what is available]
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, value_name = "SIZE", value_parser = super::size)]
     memory: Option<ByteSize>,
     /// How often a mesh is tried again when a file could not be read or written, or after an internal error
     #[arg(long, value_name = "N", default_value_t = 0)]
     retries: usize,
     /// Seconds that one mesh may take; what is finished then is kept [default: no limit]
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     time_limit: Option<f64>,
     /// Seconds between two checkpoints of a training: a kill loses no more
-    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds, allow_negative_numbers = true)]
     checkpoint: f64,
     /// Go on with the other meshes when one fails (the default)
     #[arg(long, overrides_with = "fail_fast")]
@@ -114,7 +116,10 @@ impl Runner<'_> {
             let Ended { report, defect } = self.run(part)?;
             match self.arguments.format {
                 Format::Json => print_json(&report)?,
-                Format::Human => print(&painted(&run_table(&report)))?,
+                Format::Human => {
+                    print(&painted(&run_table(&report)))?;
+                    print(&self.whereabouts())?;
+                }
             }
             exits.push(self.exit(&report, defect));
         }
@@ -164,6 +169,7 @@ impl Runner<'_> {
             pipeline.publish.report = Pages::Written;
         }
         let overview = Overview::of(&pipeline.publish);
+        not_among_the_meshes(&out, &jobs)?;
         let events = std::fs::create_dir_all(&out)
             .and_then(|()| EventFile::append(&out.join("events.jsonl")))
             .map_err(|error| {
@@ -194,6 +200,15 @@ impl Runner<'_> {
         Ok(ended)
     }
 
+    /// Where the results are.
+    fn whereabouts(&self) -> String {
+        let out = &self.arguments.task.out;
+        let page = out.join(page::FILE);
+        let page =
+            if page::is_ours(&page) { format!("; open {}", page.display()) } else { String::new() };
+        format!("results are in {}{page}", out.display())
+    }
+
     /// Whether somebody sits at a terminal and sees how it goes.
     fn is_watched(&self) -> bool {
         self.arguments.format == Format::Human && std::io::stdout().is_terminal()
@@ -206,6 +221,23 @@ impl Runner<'_> {
                 .chain(defect.then_some(Exit::Internal))
                 .chain(self.cancel.is_cancelled().then_some(Exit::Interrupted)),
         )
+    }
+}
+
+/// Refuses an output folder in which meshes lie: the folder of a mesh would be called as its file is.
+fn not_among_the_meshes(out: &Path, jobs: &[Job]) -> Result<(), Refusal> {
+    let Ok(folder) = out.canonicalize() else { return Ok(()) };
+    let lies_there = |job: &&Job| {
+        let file = job.source.canonicalize().unwrap_or_else(|_| job.source.clone());
+        folder.join(&job.name).ancestors().any(|above| above == file)
+    };
+    match jobs.iter().find(lies_there) {
+        None => Ok(()),
+        Some(job) => Err(Refusal::usage(format!(
+            "{}: {} lies there, and its results would be a folder of that name; choose another folder with --out",
+            out.display(),
+            job.name
+        ))),
     }
 }
 

@@ -32,7 +32,7 @@ pub struct Arguments {
     #[command(flatten)]
     mesh: OneMesh,
     /// How many eigenpairs
-    #[arg(short, value_name = "K", default_value = "10")]
+    #[arg(short, value_name = "K", default_value = "10", value_parser = super::at_least_one)]
     k: NonZeroUsize,
     /// Which solver
     #[arg(long, value_enum, default_value = "fem")]

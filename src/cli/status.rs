@@ -38,22 +38,24 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
 }
 
 fn text(status: &RunStatus) -> String {
-    let RunStatus { waiting, under_way, .. } = status;
+    let RunStatus { waiting, under_way, process, .. } = status;
+    let spent = duration(status.updated.saturating_sub(status.started) as f64);
+    let go_on = "the same command goes on with what is missing";
     let state = match (status.state, &status.watches) {
         (RunState::Running, Some(folder)) => {
-            format!("watching {folder} (process {})", status.process)
+            format!("watching {folder} for {spent} (process {process})")
         }
-        (RunState::Running, None) => format!("running (process {})", status.process),
-        (RunState::Finished, _) => "finished".into(),
-        (RunState::Interrupted, _) => {
-            "interrupted; the same command goes on with what is missing".into()
+        (RunState::Running, None) => format!("running for {spent} (process {process})"),
+        (RunState::Finished | RunState::Interrupted, Some(_)) if status.is_done() => {
+            format!("stopped after {spent}, with everything current")
         }
-        (RunState::Killed, _) => "killed; the same command goes on with what is missing".into(),
+        (RunState::Finished, _) => format!("finished after {spent}"),
+        (RunState::Interrupted, _) => format!("interrupted after {spent}; {go_on}"),
+        (RunState::Killed, _) => format!("killed after {spent}; {go_on}"),
     };
     let part = status.part.as_ref().map(|part| format!("{part}: ")).unwrap_or_default();
-    let spent = duration(status.updated.saturating_sub(status.started) as f64);
     let mut text = format!(
-        "{part}{state}, {spent}\n\n{}; {} under way, {waiting} waiting\n",
+        "{part}{state}\n\n{}; {} under way, {waiting} waiting\n",
         status.summary(),
         under_way.len()
     );

@@ -40,17 +40,25 @@ pub struct Arguments {
     #[command(flatten)]
     laid: Laid,
     /// Worker threads, and meshes under way at once [default: one a core]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::at_least_one)]
     jobs: Option<NonZeroUsize>,
     /// Do what there is to do, and end
     #[arg(long)]
     once: bool,
     /// Look at the folder every so many seconds, in place of waiting for what the system says of it
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = pause, allow_negative_numbers = true)]
     poll: Option<f64>,
     /// How events are shown; `json`: one JSON object a line
     #[arg(long, value_enum, default_value = "human")]
     format: Format,
+}
+
+/// A number of seconds between two looks.
+fn pause(text: &str) -> Result<f64, String> {
+    seconds(text)
+        .ok()
+        .filter(|&seconds| seconds > 0.0)
+        .ok_or_else(|| "a number of seconds, above 0".into())
 }
 
 /// A pipeline file with what is laid over it.
@@ -96,6 +104,12 @@ pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     };
     std::fs::create_dir_all(&arguments.out).map_err(unwritable)?;
     let out = arguments.out.canonicalize().map_err(unwritable)?;
+    if out == folder {
+        return Err(Refusal::usage(format!(
+            "{}: the meshes lie there, and results would be folders called as their files are; choose another folder with --out",
+            arguments.out.display()
+        )));
+    }
     let events = EventFile::append(&out.join("events.jsonl")).map_err(unwritable)?;
     let store = cache::open_to_fill(&arguments.cache.dir, &arguments.limit)?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);

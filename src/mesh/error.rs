@@ -167,7 +167,8 @@ pub enum Fault {
     /// A face names a vertex that does not exist. Usual causes are a file cut short, zero-based indices in
     /// an OBJ file, and vertices deleted by hand.
     #[error(
-        "vertex index {index} is out of range: there are {vertices} vertices to choose from; export the mesh again"
+        "vertex index {index} is out of range: there are {vertices} vertices to choose from{}; export the mesh again",
+        if *.index == 0 && *.vertices > 0 { ", counted from 1" } else { "" }
     )]
     IndexOutOfRange { index: i64, vertices: usize },
     /// No triangle with an area is left to integrate over. Point clouds, curves and files whose faces are
@@ -219,7 +220,7 @@ pub enum Fault {
     NotATree { node: usize },
     /// The scene repeats its meshes so often that it would fill the memory.
     #[error(
-        "the scene repeats its meshes too often: more than {limit} vertices and triangles from {bytes} bytes; export the one mesh that is meant"
+        "the scene repeats its meshes or their parts too often: more than {limit} positions and indices from {bytes} bytes; export the one mesh that is meant"
     )]
     TooManyInstances { limit: usize, bytes: usize },
 }

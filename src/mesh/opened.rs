@@ -59,6 +59,9 @@ impl Opened {
     pub fn read(path: &Path) -> Result<Self, MeshError> {
         // A pipe or a device would be read for ever.
         let regular = || match path.metadata() {
+            Ok(metadata) if metadata.is_dir() => {
+                Err(io::Error::other("it is a folder; name a file that is in it"))
+            }
             Ok(metadata) if !metadata.is_file() => {
                 Err(io::Error::other("it is not a regular file"))
             }

@@ -9,7 +9,7 @@
 use std::collections::{HashMap, HashSet};
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::error::{Failure, Fault, Place};
 use super::raw::{RawMesh, SameVertex};
@@ -18,23 +18,23 @@ use super::trimesh::{TriMesh, cross, norm, sub};
 /// A triangle counts as having no area up to this multiple of its longest edge squared.
 const NO_AREA: f64 = 1e-12;
 
-/// What was changed between the file and the mesh. All zero for a clean triangle mesh.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Repairs {
+/// What was changed between the file and the mesh, of each kind how often and where first; all zero for a clean triangle mesh.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Repairs<T = Tally> {
     /// Vertices that stood where an earlier one stands and became one with it. Harmless: glTF and STL need them.
-    pub welded_vertices: Tally,
+    pub welded_vertices: T,
     /// Dropped triangles that named a vertex twice, or two vertices that were welded.
-    pub collapsed_faces: Tally,
+    pub collapsed_faces: T,
     /// Dropped triangles of three vertices in a line.
-    pub zero_area_faces: Tally,
+    pub zero_area_faces: T,
     /// Dropped triangles with the three vertices of an earlier one, in whatever order.
-    pub duplicate_faces: Tally,
+    pub duplicate_faces: T,
     /// Dropped vertices that no remaining triangle uses.
-    pub unreferenced_vertices: Tally,
+    pub unreferenced_vertices: T,
     /// Faces of more than three corners, split into fans. Their diagonals are ours.
-    pub polygons: Tally,
+    pub polygons: T,
     /// Points, lines and faces of fewer than three corners, which are no surface.
-    pub left_out: Tally,
+    pub left_out: T,
 }
 
 /// How often something was met, and where first.
@@ -61,42 +61,70 @@ impl Tally {
     }
 }
 
-impl Repairs {
-    /// What each of them is called after its number, in their order.
-    pub const KINDS: [&str; 7] = [
-        "welded vertices",
-        "collapsed faces dropped",
-        "faces without area dropped",
-        "duplicate faces dropped",
-        "unreferenced vertices dropped",
-        "polygons triangulated",
-        "points, lines or two-corner faces left out",
-    ];
+impl<T> Repairs<T> {
+    /// Each kind with what it is called after one, and after any other number.
+    fn named(&self) -> [([&'static str; 2], &T); 7] {
+        [
+            (["welded vertex", "welded vertices"], &self.welded_vertices),
+            (["collapsed face dropped", "collapsed faces dropped"], &self.collapsed_faces),
+            (["face without area dropped", "faces without area dropped"], &self.zero_area_faces),
+            (["duplicate face dropped", "duplicate faces dropped"], &self.duplicate_faces),
+            (
+                ["unreferenced vertex dropped", "unreferenced vertices dropped"],
+                &self.unreferenced_vertices,
+            ),
+            (["polygon triangulated", "polygons triangulated"], &self.polygons),
+            (
+                [
+                    "point, line or two-corner face left out",
+                    "points, lines or two-corner faces left out",
+                ],
+                &self.left_out,
+            ),
+        ]
+    }
+}
 
+fn numbered(count: usize, [one, many]: [&str; 2]) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+impl Repairs {
     /// Whether the mesh is the file as it stands.
     pub fn is_empty(&self) -> bool {
-        self.named().all(|(_, tally)| tally.count == 0)
+        self.named().iter().all(|(_, tally)| tally.count == 0)
     }
 
-    fn named(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
-        Self::KINDS.into_iter().zip([
-            &self.welded_vertices,
-            &self.collapsed_faces,
-            &self.zero_area_faces,
-            &self.duplicate_faces,
-            &self.unreferenced_vertices,
-            &self.polygons,
-            &self.left_out,
-        ])
+    /// How often each was made.
+    pub fn counts(&self) -> Repairs<usize> {
+        Repairs {
+            welded_vertices: self.welded_vertices.count,
+            collapsed_faces: self.collapsed_faces.count,
+            zero_area_faces: self.zero_area_faces.count,
+            duplicate_faces: self.duplicate_faces.count,
+            unreferenced_vertices: self.unreferenced_vertices.count,
+            polygons: self.polygons.count,
+            left_out: self.left_out.count,
+        }
+    }
+}
+
+impl Repairs<usize> {
+    /// Those that were made, in words; `None` where none was but welding, which some formats need.
+    pub fn in_words(&self) -> Option<String> {
+        let others = Self { welded_vertices: 0, ..self.clone() };
+        let made = others.named().into_iter().filter(|(_, count)| **count > 0);
+        let made: Vec<String> = made.map(|(names, count)| numbered(*count, names)).collect();
+        (!made.is_empty()).then(|| made.join(", "))
     }
 }
 
 /// One line a kind, each with its first places.
 impl fmt::Display for Repairs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut lines = self.named().filter(|(_, t)| t.count > 0);
-        let mut write = |(name, tally): (&str, &Tally), start: &str| {
-            write!(f, "{start}{} {name}", tally.count)?;
+        let mut lines = self.named().into_iter().filter(|(_, t)| t.count > 0);
+        let mut write = |(names, tally): ([&str; 2], &Tally), start: &str| {
+            write!(f, "{start}{}", numbered(tally.count, names))?;
             let mut start = " (";
             for place in &tally.first {
                 write!(f, "{start}{place}")?;

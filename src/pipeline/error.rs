@@ -33,6 +33,11 @@ pub enum PipelineError {
     /// `--set` without `=`.
     #[error("--set {argument}: write KEY=VALUE, for example --set train.k=10")]
     Assignment { argument: String },
+    /// A rehearsal of what has none.
+    #[error(
+        "--quick: {path} has no [quick], which says what a rehearsal does with less; add one, such as\n[quick.train]\nsteps = 5"
+    )]
+    NoRehearsal { path: String },
     /// A file with variants where one pipeline is wanted.
     #[error(
         "{path}: [{section}] belongs to a sweep over variants of a pipeline, which `chladni run` and `chladni explain` alone go through"

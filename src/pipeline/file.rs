@@ -10,6 +10,7 @@ use super::{Pipeline, PipelineError, recipe_file};
 use crate::ggnn::features::Normalise;
 use crate::ggnn::paper::Paper;
 use crate::ggnn::recipe::{Ritz, Trunks};
+use crate::mesh::Format;
 
 /// `train.head_subdivisions` of a shared trunk, unless a file says otherwise.
 const HEAD_SUBDIVISIONS: usize = 1;
@@ -38,10 +39,15 @@ impl Pipeline {
 
 /// The text of a pipeline file.
 pub(super) fn text(path: &Path) -> Result<String, PipelineError> {
-    std::fs::read_to_string(path).map_err(|e| PipelineError::Unreadable {
-        path: path.display().to_string(),
-        reason: e.to_string(),
-    })
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    let read = if path.is_dir() {
+        Err("it is a folder, which --input or `chladni watch` takes".into())
+    } else if path.exists() && extension.and_then(Format::of_extension).is_some() {
+        Err("it is a mesh, which `chladni solve` or --input takes".into())
+    } else {
+        std::fs::read_to_string(path).map_err(|error| error.to_string())
+    };
+    read.map_err(|reason| PipelineError::Unreadable { path: path.display().to_string(), reason })
 }
 
 /// The pipeline of these options with `assignments` laid over them; a recipe file and the defaults of the recipe under them. Paths

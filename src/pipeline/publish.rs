@@ -16,7 +16,7 @@ pub struct Publish {
     /// What descriptors.npz holds; without any it is not written.
     pub descriptors: Vec<Descriptor>,
     /// Write report.html, a page for people with the mesh to turn, nodal lines, checks, times and where all of it comes from: one
-    /// beside the results of every mesh, and one for the run in the output folder.
+    /// beside the results of every mesh, and one for all of them in the output folder.
     pub report: Pages,
     /// What `chladni watch` does with the results of a mesh that was deleted.
     pub on_delete: OnDelete,

@@ -208,6 +208,10 @@ impl Sweep {
     ) -> Result<Self, PipelineError> {
         let Asked { assignments, effort, .. } = asked;
         let (mut own, mut besides) = file::options_and(name, text, &SECTIONS)?;
+        if effort == Effort::Quick && !besides.contains_key(QUICK) && !besides.contains_key(VARIANT)
+        {
+            return Err(PipelineError::NoRehearsal { path: name.into() });
+        }
         let quick = overlay(name, QUICK, besides.remove(QUICK))?;
         let variants: Vec<Variant> = match besides.remove(VARIANT) {
             None => Vec::new(),

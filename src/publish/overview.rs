@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::atomic::{PublishError, remove, write_if_changed};
+use super::atomic::{PublishError, remove, write};
 use super::export::shape_dna;
 use super::page;
 use super::report::RunReport;
@@ -39,8 +39,9 @@ impl Overview {
         }
         let file = out.join(page::FILE);
         match self.page {
-            true => write_if_changed(&file, page::run_page(report).as_bytes()).map(drop),
-            false => remove(&file),
+            true => write(&file, page::run_page(report).as_bytes()),
+            false if page::is_ours(&file) => remove(&file),
+            false => Ok(()),
         }
     }
 }

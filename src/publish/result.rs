@@ -317,56 +317,8 @@ impl From<Quality> for TriangleQuality {
     }
 }
 
-/// How often each repair was made. See [`Repairs`].
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RepairCounts {
-    /// Vertices that became one with an earlier one.
-    pub welded_vertices: usize,
-    /// Dropped triangles that named a vertex twice.
-    pub collapsed_faces: usize,
-    /// Dropped triangles of three vertices in a line.
-    pub zero_area_faces: usize,
-    /// Dropped triangles with the vertices of an earlier one.
-    pub duplicate_faces: usize,
-    /// Dropped vertices that no triangle uses.
-    pub unreferenced_vertices: usize,
-    /// Faces of more than three corners that were split.
-    pub polygons: usize,
-    /// Points, lines and two-corner faces, which are no surface.
-    pub left_out: usize,
-}
-
-impl RepairCounts {
-    /// Those that were made, in words; `None` where the mesh is the file as it stands.
-    pub fn in_words(&self) -> Option<String> {
-        let counts = [
-            self.welded_vertices,
-            self.collapsed_faces,
-            self.zero_area_faces,
-            self.duplicate_faces,
-            self.unreferenced_vertices,
-            self.polygons,
-            self.left_out,
-        ];
-        let made = counts.into_iter().zip(Repairs::KINDS).filter(|(count, _)| *count > 0);
-        let made: Vec<String> = made.map(|(count, kind)| format!("{count} {kind}")).collect();
-        (!made.is_empty()).then(|| made.join(", "))
-    }
-}
-
-impl From<&Repairs> for RepairCounts {
-    fn from(repairs: &Repairs) -> Self {
-        Self {
-            welded_vertices: repairs.welded_vertices.count,
-            collapsed_faces: repairs.collapsed_faces.count,
-            zero_area_faces: repairs.zero_area_faces.count,
-            duplicate_faces: repairs.duplicate_faces.count,
-            unreferenced_vertices: repairs.unreferenced_vertices.count,
-            polygons: repairs.polygons.count,
-            left_out: repairs.left_out.count,
-        }
-    }
-}
+/// How often each repair was made.
+pub type RepairCounts = Repairs<usize>;
 
 /// What made the numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -77,6 +77,11 @@ impl RunStatus {
         )
     }
 
+    /// Whether nothing is left to do.
+    pub fn is_done(&self) -> bool {
+        self.waiting == 0 && self.under_way.is_empty()
+    }
+
     /// How fast it goes, and how long it will; `None` before that is known, and when nothing is left.
     pub fn rate(&self) -> Option<String> {
         let left =
@@ -84,10 +89,15 @@ impl RunStatus {
         Some(format!("{:.0} an hour, about {} left", self.per_hour, duration(left)))
     }
 
-    /// All of it in one line.
+    /// What has to be known of it, in one line that may be cut at its end.
     pub fn line(&self) -> String {
+        let Self { meshes, unverified, failed, .. } = self;
+        let done = format!("{} of {meshes} meshes done", self.done());
+        let but = [(unverified, "not verified"), (failed, "failed")];
+        let but = but.into_iter().filter(|(count, _)| **count > 0);
+        let but = but.map(|(count, how)| format!("{count} {how}"));
         let under_way = self.under_way.iter().map(|mesh| format!("{}: {}", mesh.path, mesh.stage));
-        let parts = [self.summary()].into_iter().chain(self.rate()).chain(under_way);
+        let parts = [done].into_iter().chain(but).chain(self.rate()).chain(under_way);
         parts.collect::<Vec<_>>().join("; ")
     }
 }
@@ -256,7 +266,7 @@ mod tests {
         let status = RunStatus { seconds_left: Some(75.0), ..status(RunState::Running) };
         assert_eq!(
             status.line(),
-            "2 of 4 meshes done: 1 verified, 0 not verified, 1 failed; 7 an hour, about 1 min 15 s left; a: train"
+            "2 of 4 meshes done; 1 failed; 7 an hour, about 1 min 15 s left; a: train"
         );
         let texts = [0.2, 59.0, 75.0, 3600.0, 93_784.0].map(duration);
         assert_eq!(texts, ["0 s", "59 s", "1 min 15 s", "1 h 0 min", "26 h 3 min"]);

@@ -60,7 +60,10 @@ const fn column(
 
 const K: Column = column("k", CellAlignment::Right, |report, _| report.pair.k.to_string());
 const LAMBDA: Column =
-    column("λ", CellAlignment::Right, |report, scale| scale.lambda(report.pair.lambda));
+    column("λ", CellAlignment::Right, |report, scale| match report.pair.source {
+        Source::Constant => "0".into(),
+        _ => scale.lambda(report.pair.lambda),
+    });
 const LAMBDA_REFINED: Column = column("λ refined", CellAlignment::Right, |report, scale| {
     report.pair.lambda_refined.map_or("–".to_owned(), |value| scale.lambda(value))
 });
@@ -184,7 +187,10 @@ fn columns(pairs: &[PairReport]) -> &'static [Column] {
     let any = |holds: fn(&Eigenpair) -> bool| pairs.iter().any(|report| holds(&report.pair));
     let refined = any(|pair| pair.lambda_refined.is_some());
     let compared = any(|pair| !pair.lambda_fem.is_nan());
-    match (any(|pair| pair.source == Source::Fem), refined, compared) {
+    // Where all are constants nothing was learned either.
+    let solved = any(|pair| pair.source == Source::Fem)
+        || !any(|pair| pair.source != Source::Constant) && !any(|pair| pair.mpgd.is_some());
+    match (solved, refined, compared) {
         (true, ..) => &SOLVED,
         (_, true, true) => &REFINED,
         (_, true, false) => &PREDICTED_REFINED,
@@ -211,12 +217,15 @@ pub fn completeness(counted: &Completeness) -> String {
              double precision, {found} found"
         );
     };
-    let verdict = match (complete, cut_cluster) {
-        (true, false) => "complete",
-        (true, true) => "complete up to a cluster that the last k cuts",
-        (false, _) => "not complete",
+    let verdict = if *complete { "complete" } else { "not complete" };
+    let others = match count.saturating_sub(*found) {
+        missing if *complete && *cut_cluster && missing > 0 => {
+            format!("; k = {found} cuts a cluster, of which {missing} more are there")
+        }
+        _ => String::new(),
     };
-    format!("{verdict}: {} below σ = {sigma}, {found} found", counted_noun(*count, "eigenvalue"))
+    let count = counted_noun(*count, "eigenvalue");
+    format!("{verdict}: {count} below σ = {sigma}, {found} found{others}")
 }
 
 /// A sweep: the rows of its table, then one line.
@@ -289,7 +298,7 @@ pub fn six_digits(value: f64) -> String {
 
 /// Two significant digits, as of an error.
 pub fn two_digits(value: f64) -> String {
-    measured(value, |value| format!("{value:.1e}"))
+    measured(value, |value| if value == 0.0 { "0".into() } else { format!("{value:.1e}") })
 }
 
 fn measured(value: f64, format: impl Fn(f64) -> String) -> String {

@@ -50,6 +50,9 @@ pub enum Happened {
         trained: usize,
         /// See `trained`.
         reused: usize,
+        /// Whether all of it was there already.
+        #[serde(default)]
+        cached: bool,
         /// From the save to the results; the work alone, where nobody knows when that was.
         seconds: f64,
         /// The folder of its results.
@@ -99,6 +102,8 @@ pub enum Happened {
 impl Happened {
     /// What became of a mesh, `seconds` after it was saved.
     pub fn done(report: &MeshReport, seconds: f64) -> Self {
+        // Reading a file and writing results is no work of theirs.
+        let mut work = report.stages.iter().filter(|s| !["ingest", "publish"].contains(&&*s.stage));
         let angles = report.eigenpairs.iter().map(|pair| pair.pair.angle_fem);
         Self::Done {
             path: report.path.clone(),
@@ -108,6 +113,7 @@ impl Happened {
             worst_angle: angles.filter(|angle| angle.is_finite()).reduce(f64::max),
             trained: report.trained,
             reused: report.reused,
+            cached: !report.stages.is_empty() && work.all(|stage| stage.cached),
             seconds,
             out: report.out.clone(),
         }
@@ -135,11 +141,13 @@ impl Happened {
                 worst_angle,
                 trained,
                 reused,
+                cached,
                 seconds,
                 ..
             } => {
                 let how = match (grown_from, trained, reused) {
                     (Some(how), _, _) => how.in_words().to_string(),
+                    _ if *cached => "from the cache".into(),
                     (None, 0, 0) => "solved".into(),
                     (None, 0, _) => "nothing to train".into(),
                     (None, trained, _) => format!("{trained} trained"),

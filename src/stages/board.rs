@@ -175,8 +175,9 @@ impl Entries {
     }
 }
 
-/// Tells others how far the run of `context` is, again and again, until `ended`. That they cannot be told costs a warning.
-pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
+/// Tells others how far the run of `context` is, again and again, until `ended`; by `stop` before its time. That they cannot be told
+/// costs a warning.
+pub async fn tell(context: Arc<Context>, ended: CancellationToken, stop: CancellationToken) {
     let out = &context.out;
     let file = match StatusFile::take(out) {
         Ok(Some(file)) => Arc::new(file),
@@ -194,7 +195,7 @@ pub async fn tell(context: Arc<Context>, ended: CancellationToken) {
     };
     let line = StatusLine::show();
     loop {
-        let state = match (ended.is_cancelled(), context.cancel.is_cancelled()) {
+        let state = match (ended.is_cancelled(), stop.is_cancelled()) {
             (false, _) => RunState::Running,
             (true, true) => RunState::Interrupted,
             (true, false) => RunState::Finished,
@@ -264,6 +265,6 @@ mod tests {
         assert!(status.per_hour > 2.0 * 3600.0 / 0.4, "{status:?}");
         assert_eq!((status.verified, status.waiting, status.under_way.len()), (1, 0, 1));
         let line = status.line();
-        assert!(line.starts_with("1 of 2 meshes done") && line.ends_with("b: ingest"), "{line}");
+        assert!(line.starts_with("1 of 2 meshes done; ") && line.ends_with("b: ingest"), "{line}");
     }
 }

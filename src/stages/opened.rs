@@ -34,8 +34,10 @@ impl LastOpened {
                 return Ok(last.opened.clone());
             }
         }
-        // Looked at before it is read: a change in between is seen.
+        // Looked at before it is read, and before it is asked for its others: a change in between is seen.
+        let alone = Stamp::of(path, Vec::new());
         let stamp = Stamp::of(path, companions(path)).ok();
+        let stamp = stamp.filter(|stamp| alone.is_ok_and(|alone| stamp.is_same_file(&alone)));
         let opened = Arc::new(Opened::read(path)?);
         *last = stamp.map(|stamp| Last { path: path.into(), stamp, opened: opened.clone() });
         Ok(opened)

@@ -318,7 +318,7 @@ pub fn spectrum(context: &Context, verified: &Verified) -> Spectrum {
         orthonormality: certificate.orthonormality,
         completeness: Some(certificate.completeness.into()),
         quality: Some(assembled.operators.quality.into()),
-        repairs: (&assembled.loaded.ingested.repairs).into(),
+        repairs: assembled.loaded.ingested.repairs.counts(),
         provenance: Provenance {
             grown_from: verified.origin.ancestor(),
             ..Provenance::new(parameters(context, train))
@@ -349,7 +349,7 @@ pub fn predicted_spectrum(context: &Context, predicted: &Predicted) -> Spectrum 
         orthonormality: predicted.orthonormality(),
         completeness: None,
         quality: None,
-        repairs: (&predicted.loaded.ingested.repairs).into(),
+        repairs: predicted.loaded.ingested.repairs.counts(),
         provenance: Provenance::new(parameters(context, &context.pipeline.train)),
     }
 }

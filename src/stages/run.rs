@@ -95,7 +95,7 @@ pub async fn run(run: Run) -> io::Result<Ended> {
         opened: Default::default(),
     });
     let ended = CancellationToken::new();
-    let teller = tokio::spawn(board::tell(context.clone(), ended.clone()));
+    let teller = tokio::spawn(board::tell(context.clone(), ended.clone(), cancel.clone()));
     let (line, entrance, mut outcomes) = Line::start(&context, run.workers, run.memory)?;
     let (again, retries) = mpsc::unbounded_channel();
     let feeder = Feeder { jobs: run.jobs.clone(), entrance, cancel: cancel.clone() };

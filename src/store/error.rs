@@ -20,7 +20,7 @@ pub enum StoreError {
     /// Another process, or another `Store` of this one, holds the directory. `holder` is its process number,
     /// where it could be read.
     #[error(
-        "the cache {} is in use by {}; wait until it ends, or use another directory \
+        "the cache in {} is in use by {}; wait until it ends, or use another directory \
          (--cache DIR or CHLADNI_CACHE)",
         dir.display(),
         holder.map_or("another process".to_owned(), |pid| format!("process {pid}"))
@@ -100,7 +100,7 @@ mod tests {
         let locked = StoreError::Locked { dir: "work/cache".into(), holder: Some(4711) };
         assert_eq!(
             locked.to_string(),
-            "the cache work/cache is in use by process 4711; wait until it ends, or use another directory \
+            "the cache in work/cache is in use by process 4711; wait until it ends, or use another directory \
              (--cache DIR or CHLADNI_CACHE)"
         );
         let unknown = StoreError::Locked { dir: "work/cache".into(), holder: None };

@@ -7,7 +7,7 @@ use chladni::publish::report::Status;
 use chladni::publish::status::{RunState, RunStatus};
 use chladni::publish::watched::Happened;
 
-use crate::common::Workspace;
+use crate::common::{Workspace, chladni, text};
 use crate::{FEM, Watched, ellipsoid, names_of_done, scene};
 
 #[cfg(unix)]
@@ -58,6 +58,14 @@ fn once_does_what_there_is_to_do_and_ends() {
     let verified =
         |happened: &&Happened| matches!(happened, Happened::Done { status: Status::Verified, .. });
     assert_eq!(said.iter().filter(verified).count(), 1);
+    assert!(said.iter().any(|happened| happened.line().contains("; from the cache; ")), "{said:?}");
+    let out = workspace.path("out");
+    let status = chladni(&["status", "--out", out.to_str().unwrap()]);
+    let status = text(&status);
+    assert!(
+        status.starts_with("stopped after ") && status.contains("everything current"),
+        "{status}"
+    );
 }
 
 #[test]

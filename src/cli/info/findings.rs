@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::mesh::repair::Tally;
 use crate::mesh::topology::{Defects, Piece};
-use crate::mesh::{Ingested, TriMesh};
+use crate::mesh::{Area, Ingested, TriMesh};
 use crate::publish::result::TriangleQuality;
 
 /// Something that is not as it should be.
@@ -42,7 +42,7 @@ pub fn findings(
     let mut found = mended(ingested);
     found.extend(branches(ingested, &defects));
     found.extend(winding(ingested, &defects, pieces));
-    found.push(thin(quality));
+    found.push(thin(quality, ingested.mesh.area()));
     found.retain(|finding| finding.count > 0);
     found
 }
@@ -150,8 +150,18 @@ fn winding(
     })
 }
 
-fn thin(quality: Option<&TriangleQuality>) -> Finding {
+fn thin(quality: Option<&TriangleQuality>, Area(area): Area) -> Finding {
     let (what, count, meaning, treatment) = match quality {
+        None if !area.is_normal() => {
+            return Finding {
+                what: "mesh beyond double precision",
+                count: 1,
+                first: Vec::new(),
+                meaning: format!("its area is {area:e}; scale its coordinates"),
+                treatment: "kept, and the mesh fails where it is read for a run",
+                option: None,
+            };
+        }
         Some(quality) => (
             "negative cotangent weight",
             quality.negative_weights,

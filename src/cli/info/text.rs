@@ -51,7 +51,7 @@ pub fn page(info: &Info<'_>) -> String {
     let [low, high] = info.bounds;
     let side = |c: usize| format!("[{}, {}]", six_digits(low[c]), six_digits(high[c]));
     page.line("bounds", &format!("{} × {} × {}", side(0), side(1), side(2)));
-    page.line("unit", &format!("{} (a guess)", info.units));
+    page.line("unit (guess)", info.units);
     shape(&mut page, info);
     if info.findings.is_empty() {
         page.line("findings", "none: the mesh is what the file says, and clean");

@@ -35,7 +35,14 @@ const OBJ_KEYWORDS: [&[u8]; 12] =
     [b"v", b"vt", b"vn", b"vp", b"f", b"l", b"p", b"o", b"g", b"s", b"mtllib", b"usemtl"];
 
 /// Formats that are met often and not read, by their first bytes.
-const OTHERS: [(&[u8], &str); 2] = [(b"Kaydara FBX", "an FBX file"), (b"<?xml", "an XML file")];
+const OTHERS: [(&[u8], &str); 6] = [
+    (b"Kaydara FBX", "an FBX file"),
+    (b"<?xml", "an XML file"),
+    (b"PK\x03\x04", "a ZIP archive"),
+    (b"\x1f\x8b", "a file compressed by gzip"),
+    (b"BZh", "a file compressed by bzip2"),
+    (b"\xfd7zXZ", "a file compressed by xz"),
+];
 
 impl Format {
     /// All of them, as they are listed.
@@ -193,6 +200,7 @@ mod tests {
     fn what_is_not_read_is_named() {
         let message = |bytes: &[u8]| Format::of(bytes, None).unwrap_err().to_string();
         assert!(message(b"<?xml version=\"1.0\"?>\n<COLLADA/>").contains("an XML file"));
+        assert!(message(b"\x1f\x8b\x08\0").contains("compressed by gzip"));
         assert!(message(b"").contains("empty"));
         let listed = "no mesh format that is read; \
             convert the mesh to OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB";

@@ -72,8 +72,9 @@ impl Walk {
             return Ok(());
         };
         // Many nodes may show one mesh, which may have a long name.
-        let name = node.name().or(mesh.name()).map(str::as_bytes);
-        self.raw.begin_object(name.map(first_of_name));
+        let name = node.name().or(mesh.name());
+        let first = |name: &str| name[..name.floor_char_boundary(LONGEST_NAME)].to_owned();
+        self.raw.begin_object(name.map(first));
         // Primitives of a mesh often share their positions.
         let mut seen = HashMap::new();
         for primitive in mesh.primitives() {
@@ -146,13 +147,7 @@ impl Walk {
     }
 }
 
-/// As much of the name of a node as is kept.
-fn first_of_name(name: &[u8]) -> String {
-    let kept = name.get(..LONGEST_NAME).unwrap_or(name);
-    String::from_utf8_lossy(kept).into_owned()
-}
-
-/// In bytes. Objects with longer names are told apart by a number.
+/// As many bytes of the name of a node are kept. Objects with longer names are told apart by a number.
 const LONGEST_NAME: usize = 256;
 
 fn is_surface(mode: Mode) -> bool {

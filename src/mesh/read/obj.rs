@@ -47,6 +47,10 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
         Err(reason) => return Err(unparsable(geometry.at.as_ref(), reason)),
     };
 
+    if let Some(line) = cut_face(text) {
+        let entries = "face".to_owned();
+        return Err(Failure::at(place(&line), Fault::EndsEarly { entries, promised: None }));
+    }
     let mesh = mesh.unwrap_or_default();
     for (&position, &line) in mesh.positions.as_chunks().0.iter().zip(&geometry.positions) {
         raw.position(position, Place::Line(line))?;
@@ -58,6 +62,15 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
     }
     grouping.until(u32::MAX, &mut raw);
     Ok(raw)
+}
+
+/// The last line of the file, where it is a face without an end: fewer than three corners, and no end of the line.
+fn cut_face(text: &[u8]) -> Option<Line<'_>> {
+    let last = text.rsplit(|&b| b == b'\n').next().filter(|last| !last.is_empty())?;
+    let before = text.len() - last.len();
+    let line = lines(last).next().filter(|line| line.keyword() == b"f")?;
+    let number = text[..before].iter().filter(|&&b| b == b'\n').count() + 1;
+    (line.words().count() < 4).then_some(Line { number, ..line })
 }
 
 /// What stands beside geometry.

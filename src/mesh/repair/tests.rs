@@ -65,8 +65,8 @@ fn every_kind_of_bad_face_is_dropped_counted_and_placed() {
     assert_eq!(repairs.welded_vertices, Tally::default());
     assert_eq!(
         repairs.to_string(),
-        "1 collapsed faces dropped (line 102)\n\
-         1 faces without area dropped (line 104)\n\
+        "1 collapsed face dropped (line 102)\n\
+         1 face without area dropped (line 104)\n\
          2 duplicate faces dropped (line 103; line 105)\n\
          2 unreferenced vertices dropped (line 2; line 6)"
     );

@@ -1,11 +1,26 @@
 //! What all pages have in common: head, style, the words for a verdict.
 
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::publish::report::{StageRecord, Status};
 use crate::publish::table::duration;
 
 const STYLE: &str = include_str!("assets/style.css");
+
+/// Who has made a page, as it stands in its head.
+const GENERATOR: &str = "chladni ";
+
+/// Whether a file is one of these pages; people have such files of their own.
+pub fn is_ours(file: &Path) -> bool {
+    let mut head = Vec::new();
+    let read = File::open(file).and_then(|file| file.take(1024).read_to_end(&mut head));
+    let mark = format!("name=\"generator\" content=\"{GENERATOR}");
+    read.is_ok() && String::from_utf8_lossy(&head).contains(&mark)
+}
 
 /// A whole page.
 pub fn page(title: &str, body: Markup) -> String {
@@ -15,7 +30,7 @@ pub fn page(title: &str, body: Markup) -> String {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="generator" content={ "chladni " (env!("CARGO_PKG_VERSION")) };
+                meta name="generator" content={ (GENERATOR) (env!("CARGO_PKG_VERSION")) };
                 link rel="icon" href="data:,";
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
@@ -65,7 +80,8 @@ pub fn flow(stages: &[StageRecord]) -> Markup {
     let groups = stages.chunk_by(|a, b| kind(a) == kind(b) && is_of_one(a));
     let step = |group: &[StageRecord]| match group {
         [first, .., last] => Step::of(format!("{} … {}", first.stage, ending(&last.stage)), group),
-        _ => Step::of(group.iter().map(|stage| stage.stage.clone()).collect(), group),
+        [only] => Step::of(only.stage.clone(), group),
+        [] => Step::of(String::new(), group),
     };
     drawn(&groups.map(step).collect::<Vec<_>>())
 }
@@ -126,7 +142,8 @@ fn ending(stage: &str) -> &str {
 
 /// The command that this process was started with, to be copied.
 pub fn command() -> Markup {
-    let arguments: Vec<String> = std::env::args().map(|argument| quoted(&argument)).collect();
+    let arguments = std::env::args_os();
+    let arguments: Vec<String> = arguments.map(|given| quoted(&given.to_string_lossy())).collect();
     html! {
         p { "The command:" }
         pre { code { (arguments.join(" ")) } }
@@ -185,6 +202,17 @@ mod tests {
     fn trainings_of_a_mesh_are_one_step() {
         let text = flow(&stages(&[("train φ2", true), ("train φ3", false)])).into_string();
         assert!(text.contains("train φ2 … φ3<small>1.00 s, 1 of 2 from the cache"), "{text}");
+    }
+
+    #[test]
+    fn a_page_is_told_from_other_files_of_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("report.html");
+        assert!(!is_ours(&file));
+        std::fs::write(&file, page("a", html! { p { "b" } })).unwrap();
+        assert!(is_ours(&file));
+        std::fs::write(&file, "<html><p>chladni is fine").unwrap();
+        assert!(!is_ours(&file));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::frame::{badge, command, flow, page};
 use super::plot::{Axes, Mark, Scale, Series, figure};
 use super::viewer::{MOST_VERTICES, viewer};
 use crate::mesh::TriMesh;
-use crate::publish::picture::{Up, View, draw};
+use crate::publish::picture::{Scene, Up, View};
 use crate::publish::report::RunRecord;
 use crate::publish::result::{Eigenpair, Source, Spectrum, Verdict};
 use crate::publish::table::{completeness, duration, six_digits, two_digits, zero_or_digits};
@@ -205,10 +205,11 @@ fn blocks(record: &RunRecord) -> String {
 }
 
 fn pictures(mesh: &TriMesh, pairs: &Eigenpairs, places: &[usize], view: View) -> Markup {
+    let scene = Scene::of(mesh, view, PICTURE);
     let picture = |j: usize| {
         let phi = column(&pairs.vectors, j);
         let limit = phi.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        draw(mesh, phi, limit, view, PICTURE).to_png().ok().map(|png| STANDARD.encode(png))
+        scene.draw(phi, limit).to_png().ok().map(|png| STANDARD.encode(png))
     };
     html! {
         div.figures {

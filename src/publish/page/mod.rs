@@ -17,5 +17,6 @@ mod plot;
 pub mod run;
 mod viewer;
 
+pub use frame::is_ours;
 pub use mesh::{Curve, MeshPage};
 pub use run::{FILE, run_page};

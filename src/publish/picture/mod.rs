@@ -1,7 +1,8 @@
 //! Pictures of functions on a mesh, with their nodal lines: what Chladni's sand shows.
 //!
 //! - [`view`](View): where one looks from
-//! - `raster`: which point of the surface, and which value, is behind every pixel
+//! - [`Scene`]: a mesh as it is seen, to draw functions on
+//! - `raster`: which point of the surface is behind every pixel
 //! - [`Picture`]: pixels, several side by side, PNG
 //!
 //! Colours are viridis, which is perceptually uniform, from −limit to limit: pictures with one limit can be compared. The nodal
@@ -9,6 +10,8 @@
 
 mod raster;
 mod view;
+
+use std::sync::LazyLock;
 
 use colorous::VIRIDIS;
 
@@ -37,31 +40,53 @@ pub struct Picture {
     pixels: Vec<[u8; 3]>,
 }
 
-/// A function at the vertices of a mesh, as a square picture of `size` pixels a side. Values of ±`limit` and beyond have the ends
-/// of the colour map.
-pub fn draw(mesh: &TriMesh, values: &[f64], limit: f64, view: View, size: usize) -> Picture {
-    let fine = Raster::of(mesh, values, view, size * FINE);
-    let line = fine.nodal_line(LINE);
-    let colour = |at: usize| match (fine.samples[at], line[at]) {
-        (None, _) => WHITE,
-        (Some(_), true) => BLACK,
-        (Some(Sample { value, light, .. }), false) => {
-            let place = if limit > 0.0 { 0.5 + 0.5 * value / limit } else { 0.5 };
-            let colour = VIRIDIS.eval_continuous(place.clamp(0.0, 1.0));
-            [colour.r, colour.g, colour.b].map(|c| light * f64::from(c))
-        }
-    };
-    let pixel = |at: usize| {
-        let (row, column) = (at / size * FINE, at % size * FINE);
-        let mut sum = [0.0; 3];
-        for (i, j) in (0..FINE).flat_map(|i| (0..FINE).map(move |j| (i, j))) {
-            let fine = colour((row + i) * size * FINE + column + j);
-            sum.iter_mut().zip(fine).for_each(|(sum, c)| *sum += c);
-        }
-        sum.map(|c| (c / (FINE * FINE) as f64).round() as u8)
-    };
-    Picture { width: size, height: size, pixels: (0..size * size).map(pixel).collect() }
+/// A mesh as it is seen, to draw functions on.
+pub struct Scene {
+    size: usize,
+    fine: Raster,
 }
+
+impl Scene {
+    /// For square pictures of `size` pixels a side.
+    pub fn of(mesh: &TriMesh, view: View, size: usize) -> Self {
+        Self { size, fine: Raster::of(mesh, view, size * FINE) }
+    }
+
+    /// A function at the vertices. Values of ±`limit` and beyond have the ends of the colour map.
+    pub fn draw(&self, values: &[f64], limit: f64) -> Picture {
+        let (size, seen) = (self.size, &self.fine.samples);
+        let values = self.fine.values(values);
+        let line = self.fine.nodal_line(&values, LINE);
+        let colour = |at: usize| match (seen[at], line[at]) {
+            (None, _) => WHITE,
+            (Some(_), true) => BLACK,
+            (Some(Sample { light, .. }), false) => {
+                let place = if limit > 0.0 { 0.5 + 0.5 * values[at] / limit } else { 0.5 };
+                let nearest = (place.clamp(0.0, 1.0) * (SHADES - 1) as f64).round() as usize;
+                COLOURS[nearest].map(|c| f64::from(light) * c)
+            }
+        };
+        let pixel = |at: usize| {
+            let (row, column) = (at / size * FINE, at % size * FINE);
+            let mut sum = [0.0; 3];
+            for (i, j) in (0..FINE).flat_map(|i| (0..FINE).map(move |j| (i, j))) {
+                let fine = colour((row + i) * size * FINE + column + j);
+                sum.iter_mut().zip(fine).for_each(|(sum, c)| *sum += c);
+            }
+            sum.map(|c| (c / (FINE * FINE) as f64).round() as u8)
+        };
+        Picture { width: size, height: size, pixels: (0..size * size).map(pixel).collect() }
+    }
+}
+
+/// More shades than a byte can tell apart.
+const SHADES: usize = 1024;
+
+/// The colours from one end of the map to the other.
+static COLOURS: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
+    let shade = |i: usize| VIRIDIS.eval_continuous(i as f64 / (SHADES - 1) as f64);
+    (0..SHADES).map(shade).map(|colour| [colour.r, colour.g, colour.b].map(f64::from)).collect()
+});
 
 impl Picture {
     /// Pictures of one height side by side, `gap` pixels apart. `None` for none, or for different heights.
@@ -93,7 +118,7 @@ impl Picture {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, side(self.width), side(self.height));
         encoder.set_color(png::ColorType::Rgb);
-        encoder.set_compression(png::Compression::High);
+        encoder.set_compression(png::Compression::Balanced);
         let mut writer = encoder.write_header()?;
         writer.write_image_data(self.pixels.as_flattened())?;
         writer.finish()?;
@@ -120,7 +145,7 @@ mod tests {
     fn a_square_lies_flat_with_its_nodal_line_where_the_function_is_zero() {
         let mesh = Shape::Square.sample(200, 0, 0).unwrap();
         let values: Vec<f64> = coordinate(&mesh, 0).iter().map(|x| x - 1.5).collect();
-        let picture = draw(&mesh, &values, 1.5, View::of(&mesh, Up::Y), SIZE);
+        let picture = Scene::of(&mesh, View::of(&mesh, Up::Y), SIZE).draw(&values, 1.5);
         let (left, right) = (at(&picture, 5, 30), at(&picture, 54, 30));
         assert!(left[2] > left[0] && right[0] > right[2], "purple {left:?}, yellow {right:?}");
         let line = (0..SIZE)
@@ -135,7 +160,7 @@ mod tests {
         let mesh = icosphere(3);
         let view = View::of(&mesh, Up::Y);
         let towards: Vec<f64> = mesh.vertices().iter().map(|p| view.depth(p)).collect();
-        let picture = draw(&mesh, &towards, 1.0, view, SIZE);
+        let picture = Scene::of(&mesh, view, SIZE).draw(&towards, 1.0);
         let inside = picture.pixels.iter().filter(|&&p| p != [255; 3]).count() as f64;
         let disc = std::f64::consts::PI / 4.0 * (SIZE * SIZE) as f64;
         assert!((0.75..1.0).contains(&(inside / disc)), "{}", inside / disc);
@@ -147,7 +172,7 @@ mod tests {
     #[test]
     fn a_row_is_as_wide_as_its_pictures_and_png_says_so() {
         let mesh = icosphere(1);
-        let one = draw(&mesh, &coordinate(&mesh, 1), 1.0, View::of(&mesh, Up::Y), 20);
+        let one = Scene::of(&mesh, View::of(&mesh, Up::Y), 20).draw(&coordinate(&mesh, 1), 1.0);
         let row = Picture::row(&[one.clone(), one.clone()], 5).unwrap();
         assert_eq!((row.width, row.height, row.pixels.len()), (45, 20, 900));
         let bytes = row.to_png().unwrap();

@@ -1,4 +1,4 @@
-//! What is behind every pixel: the nearest triangle, and the linear function on it.
+//! What is behind every pixel: the nearest triangle, and where on it. One raster serves all functions on a mesh.
 
 use super::view::{View, cross};
 use crate::mesh::TriMesh;
@@ -8,26 +8,35 @@ pub struct Raster {
     size: usize,
     /// What is seen; `None` beside the mesh.
     pub samples: Vec<Option<Sample>>,
-    step: f64,
+    step: f32,
 }
 
 /// A point of the surface.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// The function there.
-    pub value: f64,
+    /// The vertices of its triangle, and what each of them is worth there.
+    corners: [u32; 3],
+    weights: [f32; 3],
     /// How bright it is.
-    pub light: f64,
-    depth: f64,
+    pub light: f32,
+    depth: f32,
+}
+
+impl Sample {
+    /// The linear function there that has these values at the vertices.
+    fn value(&self, values: &[f64]) -> f64 {
+        let corners = self.corners.iter().zip(self.weights);
+        corners.map(|(&vertex, weight)| f64::from(weight) * values[vertex as usize]).sum()
+    }
 }
 
 impl Raster {
-    /// The mesh with a function at its vertices.
-    pub fn of(mesh: &TriMesh, values: &[f64], view: View, size: usize) -> Self {
+    /// What is seen of a mesh.
+    pub fn of(mesh: &TriMesh, view: View, size: usize) -> Self {
         let lights: Vec<f64> = normals(mesh).into_iter().map(|n| view.light(n)).collect();
         let places: Vec<[f64; 3]> = mesh.vertices().iter().map(|p| view.place(p, size)).collect();
         let mut samples = vec![None; size * size];
-        for face in mesh.faces() {
+        for &face in mesh.faces() {
             let corners = face.map(|v| v as usize);
             let [a, b, c] = corners.map(|v| places[v]);
             let area = turn(a, b, c);
@@ -46,26 +55,33 @@ impl Raster {
                 if weights.iter().any(|&w| w < 0.0) {
                     continue;
                 }
-                let mean = |of: [f64; 3]| weights.iter().zip(of).map(|(w, x)| w * x).sum::<f64>();
+                let mean =
+                    |of: [f64; 3]| weights.iter().zip(of).map(|(w, x)| w * x).sum::<f64>() as f32;
                 let depth = mean([a[2], b[2], c[2]]);
                 let seen: &mut Option<Sample> = &mut samples[row * size + column];
                 if seen.is_none_or(|seen| depth > seen.depth) {
-                    let value = mean(corners.map(|v| values[v]));
-                    *seen = Some(Sample { value, light: mean(corners.map(|v| lights[v])), depth });
+                    let light = mean(corners.map(|v| lights[v]));
+                    let weights = weights.map(|w| w as f32);
+                    *seen = Some(Sample { corners: face, weights, light, depth });
                 }
             }
         }
-        Self { size, samples, step: view.step(size) }
+        Self { size, samples, step: view.step(size) as f32 }
     }
 
-    /// Where the function changes its sign, as a line of twice `half` pixels.
-    pub fn nodal_line(&self, half: usize) -> Vec<bool> {
+    /// The function with these values at the vertices; NaN beside the mesh.
+    pub fn values(&self, values: &[f64]) -> Vec<f64> {
+        let value = |sample: &Option<Sample>| sample.map_or(f64::NAN, |seen| seen.value(values));
+        self.samples.iter().map(value).collect()
+    }
+
+    /// Where a function changes its sign that has these values in the pixels, as a line of twice `half` pixels.
+    pub fn nodal_line(&self, values: &[f64], half: usize) -> Vec<bool> {
         let size = self.size;
-        let crosses = |at: usize, other: usize| match (self.samples[at], self.samples[other]) {
-            (Some(a), Some(b)) => {
-                (a.value > 0.0) != (b.value > 0.0) && (a.depth - b.depth).abs() < self.step
-            }
-            _ => false,
+        let crosses = |at: usize, other: usize| {
+            let changes = (values[at] > 0.0) != (values[other] > 0.0);
+            let near = |a: Sample, b: Sample| (a.depth - b.depth).abs() < self.step;
+            changes && self.samples[at].zip(self.samples[other]).is_some_and(|(a, b)| near(a, b))
         };
         let mut line = vec![false; size * size];
         for (row, column) in (0..size).flat_map(|row| (0..size).map(move |x| (row, x))) {

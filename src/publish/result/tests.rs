@@ -144,7 +144,7 @@ fn a_summary_counts_what_ingest_saw() {
     assert_eq!((summary.vertices, summary.faces, summary.components), (4, 2, 1));
     assert_eq!((summary.boundary_loops, summary.euler, summary.area), (1, 1, 1.0));
     assert_eq!(
-        RepairCounts::from(&ingested.repairs),
+        ingested.repairs.counts(),
         RepairCounts { unreferenced_vertices: 1, polygons: 1, ..RepairCounts::default() }
     );
 }

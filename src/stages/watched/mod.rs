@@ -201,7 +201,7 @@ struct House<'t> {
     complaint: Option<String>,
     account: Account<'t>,
     parts: Parts,
-    /// Whether there is a table of all fingerprints.
+    /// What stands beside the folders of all meshes.
     overview: Overview,
 }
 
@@ -223,7 +223,8 @@ impl House<'_> {
         let cancel = self.watch.cancel.child_token();
         let context = Arc::new(self.context(pipeline, model, cancel.clone()));
         let told = CancellationToken::new();
-        let teller = tokio::spawn(board::tell(context.clone(), told.clone()));
+        let teller =
+            tokio::spawn(board::tell(context.clone(), told.clone(), self.watch.cancel.clone()));
         let (line, entrance, mut outcomes) =
             Line::start(&context, self.watch.workers, self.watch.memory)?;
         if is_cut_otherwise {
@@ -530,7 +531,11 @@ impl House<'_> {
             false => self.account.report(),
         };
         let written = tokio::task::spawn_blocking(move || overview.write(&out, &report));
-        if let Ok(Err(error)) = written.await {
+        let failed = match written.await {
+            Ok(written) => written.err().map(|error| error.to_string()),
+            Err(defect) => Some(defect.to_string()),
+        };
+        if let Some(error) = failed {
             tracing::warn!("the page and the tables of all meshes are not current: {error}");
         }
     }

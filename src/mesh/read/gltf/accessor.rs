@@ -13,18 +13,26 @@ use crate::mesh::error::Fault;
 /// over nothing, make more of them than the file holds.
 const PER_BYTE: usize = 2;
 
+/// As many may come of any file: small ones hold scenes of many equal parts.
+const AT_LEAST: usize = 1 << 18;
+
 /// How much may still be made of a scene.
 pub struct Budget {
-    /// The size of its document and buffers.
+    /// The size of its document, and of the files beside it.
     bytes: usize,
+    limit: usize,
     left: usize,
 }
 
 impl Budget {
+    fn of(bytes: usize) -> Self {
+        let limit = bytes.saturating_mul(PER_BYTE).max(AT_LEAST);
+        Self { bytes, limit, left: limit }
+    }
+
     /// Takes note that so many positions, indices or primitives come to the others.
     pub fn spend(&mut self, count: usize) -> Result<(), Fault> {
-        let limit = self.bytes.saturating_mul(PER_BYTE);
-        let too_many = Fault::TooManyInstances { limit, bytes: self.bytes };
+        let too_many = Fault::TooManyInstances { limit: self.limit, bytes: self.bytes };
         self.left = self.left.checked_sub(count).ok_or(too_many)?;
         Ok(())
     }
@@ -37,10 +45,10 @@ pub struct Data {
 }
 
 impl Data {
-    /// `document` is the size in bytes of the document itself.
+    /// `document` is the size in bytes of the document with all that is in it.
     pub fn new(buffers: Buffers, document: usize) -> Self {
-        let bytes = document + buffers.bytes();
-        Self { buffers, budget: Budget { bytes, left: bytes.saturating_mul(PER_BYTE) } }
+        let budget = Budget::of(document + buffers.beside());
+        Self { buffers, budget }
     }
 
     /// Positions, in double precision and not yet transformed.
@@ -82,8 +90,10 @@ impl Data {
     ) -> Result<Vec<T>, Fault> {
         let count = accessor.count();
         let Some(view) = accessor.view() else {
-            let spent = self.budget.spend(count);
-            spent.map_err(|_| fault(accessor, "its count is far larger than the file"))?;
+            if count > self.budget.limit {
+                return Err(fault(accessor, "its count is far larger than the file"));
+            }
+            self.budget.spend(count)?;
             return Ok(vec![T::default(); count]);
         };
         self.elements(accessor, &view, accessor.offset(), count, parse)

@@ -172,6 +172,11 @@ fn nodes_must_be_a_tree_and_instances_few() {
     let scene = format!(r#""nodes":[{many}],"scenes":[{{"nodes":[{}]}}]"#, roots.join(","));
     let rest = mode(4).replace(ONE_NODE, &scene);
     assert_eq!(parse(&corner_bytes(), &rest).unwrap().positions.len(), 4000);
+    // A small file may hold a scene of many equal parts: a thousand of 24 corners.
+    let parts = rest
+        .replace("\"count\":4", "\"count\":24")
+        .replace("\"byteLength\":48", "\"byteLength\":288");
+    assert_eq!(parse(&vec![0; 288], &parts).unwrap().positions.len(), 24_000);
     let zeros = vec![0; 12 * 3000];
     let rest = rest
         .replace("\"byteLength\":48", "\"byteLength\":36000")

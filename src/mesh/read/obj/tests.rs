@@ -47,6 +47,18 @@ fn blanks_of_other_alphabets_part_no_numbers() {
 }
 
 #[test]
+fn a_file_that_ends_in_a_face_is_cut_short() {
+    for end in ["f", "f ", "f 3 4", "f 3/1 4/1"] {
+        let (place, message) = failure(&format!("{SQUARE}f 1 2 3\n{end}"));
+        assert_eq!(place, Some(Place::Line(6)), "{end}");
+        assert!(message.starts_with("the file ends here"), "{message}");
+        // Whoever ends the line means it.
+        assert_eq!(read(format!("{SQUARE}f 1 2 3\n{end}\n").as_bytes()).unwrap().left_out.len(), 1);
+    }
+    assert!(read(format!("{SQUARE}f 1 2 3\nf 1 3 4").as_bytes()).is_ok());
+}
+
+#[test]
 fn seams_do_not_cut() {
     let text = format!("{SQUARE}vt 0 0\nvt 1 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1\nf 1/2 3/2 4//1\n");
     let raw = read(text.as_bytes()).unwrap();

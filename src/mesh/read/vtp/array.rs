@@ -98,7 +98,8 @@ impl<'a> Decoder<'a> {
         let before = source.len();
         let bytes = self.decode(&mut source, count, array)?;
         let spent = before - source.len();
-        let too_often = || malformed(array.line, "its arrays name the same bytes".to_owned());
+        let too_often =
+            || malformed(array.line, "its arrays name the same bytes over and over".to_owned());
         self.encoded = self.encoded.checked_sub(spent).ok_or_else(too_often)?;
         Ok(bytes)
     }
