@@ -60,9 +60,19 @@ fn exit_2_for_usage_and_configuration() {
     let [pipeline, cache, out] = [&pipeline, &cache, &meshes].map(|path| path.to_str().unwrap());
     let output = chladni(&["run", pipeline, "--cache", cache, "--out", out]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
-    assert!(text(&output).contains("sphere.obj lies there"), "{}", text(&output));
+    assert!(text(&output).contains("the mesh lies there"), "{}", text(&output));
     let sphere = workspace.path("meshes/sphere.obj");
-    for (no_pipeline, message) in [(&sphere, "it is a mesh, which"), (&meshes, "it is a folder")] {
+    let output = chladni(&["solve", sphere.to_str().unwrap(), "-k", "3", "--out", out]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains("the mesh lies there"), "{}", text(&output));
+    let output = chladni(&["watch", out, "--out", out]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains("choose another folder"), "{}", text(&output));
+    let output = chladni(&["watch", out, "--poll", "0"]);
+    assert!(text(&output).contains("a number of seconds, above 0"), "{}", text(&output));
+    for (no_pipeline, message) in
+        [(&sphere, "it is a mesh: `chladni solve`"), (&meshes, "it is a folder")]
+    {
         let output = chladni(&["run", no_pipeline.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(2), "{}", text(&output));
         assert!(text(&output).contains(message), "{}", text(&output));
@@ -423,6 +433,8 @@ fn a_run_says_what_it_has_mended() {
     let mended = "mended: 2 collapsed faces dropped, 1 unreferenced vertex dropped\n";
     let output = workspace.run(&["--set", "publish.report=true"]).output().unwrap();
     assert!(text(&output).contains(mended), "{}", text(&output));
+    let page = workspace.path("out/report.html");
+    assert!(text(&output).contains(&format!("; open {}", page.display())), "{}", text(&output));
     let page = std::fs::read_to_string(workspace.path("out/sphere.obj/report.html")).unwrap();
     assert!(page.contains("Mended: 2 collapsed faces dropped"), "{page}");
     let document = std::fs::read(workspace.path("out/sphere.obj/spectrum.json")).unwrap();
@@ -446,7 +458,9 @@ fn errors_are_log_lines_where_those_are_json() {
     for command in [&["info"][..], &["solve", "-k", "3"], &["solve", "--method", "mpgd"]] {
         let mut arguments = command.to_vec();
         arguments.extend(["--log", "json", broken.to_str().unwrap()]);
-        let output = chladni(&arguments);
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_chladni"));
+        // Whatever log lines are asked for, this is said.
+        let output = command.args(&arguments).env("RUST_LOG", "off").output().unwrap();
         assert_eq!(output.status.code(), Some(3), "{}", text(&output));
         let line: serde_json::Value = serde_json::from_slice(&output.stderr).unwrap();
         assert_eq!(line["level"], "ERROR");

@@ -171,7 +171,8 @@ fn every_format_reads_back_to_the_same_eigenpairs() {
     assert_eq!(mat[128 + 8 + 16 + 16 + 16 + 8..][..8 * K], bytes(&evals, f64::to_le_bytes));
 }
 
-/// The programs that people use, in Python: `CHLADNI_PYTHON`, or the one that is found. What is not installed there is passed over.
+/// The programs that people use, in Python: of `CHLADNI_PYTHON`, which has to have them, or of the one that is found, where what is not
+/// installed is passed over.
 #[test]
 fn other_peoples_libraries_read_the_same_numbers() {
     let given = std::env::var("CHLADNI_PYTHON").ok();

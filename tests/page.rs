@@ -156,9 +156,14 @@ fn pages_are_there_when_they_are_asked_for_and_work_in_a_browser() {
     let run = std::fs::read_to_string(out("report.html")).unwrap();
     assert!(run.contains("sphere.obj/report.html"), "{run}");
     assert!(run.contains("broken.obj") && run.contains("Failed"), "{run}");
-    for part in
-        ["How it came about", "<li class=\"\">train<small>", "The command:", "publish.report=true"]
-    {
+    for part in [
+        "How it came about",
+        "<li class=\"\">train<small>",
+        "The command:",
+        "publish.report=true",
+        " run ",
+        "pipeline.toml",
+    ] {
         assert!(run.contains(part), "{part}: {run}");
     }
     let page = std::fs::read_to_string(out("sphere.obj/report.html")).unwrap();

@@ -71,7 +71,7 @@ fn k_inside_a_cluster_is_complete_up_to_it() {
     );
     assert!(
         text(&solve(&workspace, "meshes/sphere.obj", &["-k", "7"]))
-            .contains("k = 7 cuts a cluster, of which 2 more are there")
+            .contains("k = 7 cuts a cluster and leaves 2 of it out")
     );
 }
 

@@ -112,10 +112,12 @@ struct Checks<'a> {
 
 pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let started = Instant::now();
+    let job = arguments.mesh.job();
+    arguments.written.check(&job)?;
     let given = given(&arguments.model, &arguments.cache)?;
     let context = context(arguments, given.clone());
     given.model.check_count(k_of(arguments, &given)).map_err(Refusal::usage)?;
-    let outcome = match predict(&context, arguments.mesh.job(), arguments.verify) {
+    let outcome = match predict(&context, job, arguments.verify) {
         Ok(outcome) => outcome,
         Err(failure) => {
             if asks_too_much(&failure) {
@@ -198,15 +200,7 @@ fn predict(context: &Context, job: Job, certify: bool) -> Result<Outcome, Failur
             operators = Some((assembled.operators, assembled.operators_digest));
         }
     }
-    let mut warnings: Vec<String> = predicted.unlike.iter().map(ToString::to_string).collect();
-    let lambdas = predicted.pencil.rayleigh_quotients(&predicted.vectors);
-    if predicted.refinement.is_none() && lambdas.windows(2).any(|pair| pair[1] < 0.9 * pair[0]) {
-        warnings.push(
-            "the predicted eigenvalues do not ascend, so they are not those of this mesh; \
-             --refine rayleigh-ritz makes the best of them, and --verify says how good that is"
-                .to_owned(),
-        );
-    }
+    let warnings = predicted.doubts(context.pipeline.train.refine);
     let refinement = predicted.refinement.as_ref().map(summary);
     if !certify {
         return Ok(Outcome { pairs: Pairs::Predicted(Box::new(predicted)), warnings, refinement });

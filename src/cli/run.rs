@@ -2,7 +2,6 @@
 
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 use super::exit::Exit;
 use super::paint::painted;
 use super::signals::stop_on_signals;
-use super::task::{Part, Task, given_model};
+use super::task::{Part, Task, given_model, refuse_among_meshes};
 use super::{CacheLimit, Format, Refusal, cache, explain, print, print_json, runtime};
 use crate::flow::events::EventFile;
 use crate::pipeline::Pages;
@@ -23,7 +22,6 @@ use crate::publish::report::{RunReport, Status};
 use crate::publish::sweep::{CaseReport, SweepReport};
 use crate::publish::table::{run_table, summary, sweep_table};
 use crate::publish::{atomic, page};
-use crate::stages::intake::Job;
 use crate::stages::run::{Ended, OnFailure, Run, run};
 use crate::stages::weight::half_of_the_memory;
 use crate::store::Store;
@@ -156,7 +154,10 @@ impl Runner<'_> {
             .map_err(Refusal::usage)?;
         match self.arguments.format {
             Format::Json => print_json(&report)?,
-            Format::Human => print(&format!("\n{}", painted(&sweep_table(&report))))?,
+            Format::Human => {
+                print(&format!("\n{}", painted(&sweep_table(&report))))?;
+                print(&format!("the table is {} too", out.join(SWEEP_TABLE).display()))?;
+            }
         }
         Ok(Exit::gravest(exits))
     }
@@ -169,7 +170,7 @@ impl Runner<'_> {
             pipeline.publish.report = Pages::Written;
         }
         let overview = Overview::of(&pipeline.publish);
-        not_among_the_meshes(&out, &jobs)?;
+        refuse_among_meshes(&out, &jobs)?;
         let events = std::fs::create_dir_all(&out)
             .and_then(|()| EventFile::append(&out.join("events.jsonl")))
             .map_err(|error| {
@@ -221,23 +222,6 @@ impl Runner<'_> {
                 .chain(defect.then_some(Exit::Internal))
                 .chain(self.cancel.is_cancelled().then_some(Exit::Interrupted)),
         )
-    }
-}
-
-/// Refuses an output folder in which meshes lie: the folder of a mesh would be called as its file is.
-fn not_among_the_meshes(out: &Path, jobs: &[Job]) -> Result<(), Refusal> {
-    let Ok(folder) = out.canonicalize() else { return Ok(()) };
-    let lies_there = |job: &&Job| {
-        let file = job.source.canonicalize().unwrap_or_else(|_| job.source.clone());
-        folder.join(&job.name).ancestors().any(|above| above == file)
-    };
-    match jobs.iter().find(lies_there) {
-        None => Ok(()),
-        Some(job) => Err(Refusal::usage(format!(
-            "{}: {} lies there, and its results would be a folder of that name; choose another folder with --out",
-            out.display(),
-            job.name
-        ))),
     }
 }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error, StrDeserializer};
 
+use super::Refusal;
+use super::task::refuse_among_meshes;
 use crate::descriptors::Descriptor;
 use crate::mesh::{Ingested, MeshError, Opened};
 use crate::pipeline::{ExportFormat, Publish};
@@ -77,6 +79,14 @@ impl Written {
     /// Whether anything is.
     pub fn is_asked_for(&self) -> bool {
         self.out.is_some()
+    }
+
+    /// Whether the results of the mesh can be there.
+    ///
+    /// # Errors
+    /// When the mesh itself is.
+    pub fn check(&self, job: &Job) -> Result<(), Refusal> {
+        self.out.iter().try_for_each(|out| refuse_among_meshes(out, [job]))
     }
 
     /// Where.

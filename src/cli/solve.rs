@@ -136,8 +136,10 @@ struct Checks<'a> {
 
 pub fn execute(arguments: &Arguments) -> Result<Exit, Refusal> {
     let started = Instant::now();
+    let job = arguments.mesh.job();
+    arguments.written.check(&job)?;
     let context = context(arguments)?;
-    let verified = match solve(&context, arguments.mesh.job()) {
+    let verified = match solve(&context, job) {
         Ok(verified) => verified,
         Err(failure) => {
             if asks_too_much(&failure) {

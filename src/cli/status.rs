@@ -46,9 +46,6 @@ fn text(status: &RunStatus) -> String {
             format!("watching {folder} for {spent} (process {process})")
         }
         (RunState::Running, None) => format!("running for {spent} (process {process})"),
-        (RunState::Finished | RunState::Interrupted, Some(_)) if status.is_done() => {
-            format!("stopped after {spent}, with everything current")
-        }
         (RunState::Finished, _) => format!("finished after {spent}"),
         (RunState::Interrupted, _) => format!("interrupted after {spent}; {go_on}"),
         (RunState::Killed, _) => format!("killed after {spent}; {go_on}"),

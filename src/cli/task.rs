@@ -1,6 +1,6 @@
 //! What `run` and `explain` are asked to do: a pipeline, its meshes, and where cache and results are.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::model::given_by_name;
@@ -152,6 +152,32 @@ impl Part {
     pub fn title(&self) -> String {
         format!("{}, seed {}", self.variant, self.seed)
     }
+}
+
+/// Refuses an output folder in which meshes lie: the folder of such a mesh would be called as its file is.
+///
+/// # Errors
+/// Which one.
+pub fn refuse_among_meshes<'a>(
+    out: &Path,
+    jobs: impl IntoIterator<Item = &'a Job>,
+) -> Result<(), Refusal> {
+    for Job { source, name, .. } in jobs {
+        let folder = out.join(name);
+        let mut within = folder.ancestors().take_while(|folder| *folder != out);
+        let is_source = |file: &Path| same_file(file, source);
+        if let Some(file) = within.find(|folder| folder.is_file() && is_source(folder)) {
+            return Err(Refusal::usage(format!(
+                "{}: the mesh lies there, and its results would be a folder of that name; choose another folder with --out",
+                file.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn same_file(a: &Path, b: &Path) -> bool {
+    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 /// Where generated meshes are, in the output folder.

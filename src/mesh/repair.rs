@@ -18,7 +18,8 @@ use super::trimesh::{TriMesh, cross, norm, sub};
 /// A triangle counts as having no area up to this multiple of its longest edge squared.
 const NO_AREA: f64 = 1e-12;
 
-/// What was changed between the file and the mesh, of each kind how often and where first; all zero for a clean triangle mesh.
+/// What was changed between the file and the mesh, of each kind how often (and where first, as a [`Tally`]); all zero for a clean
+/// triangle mesh.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Repairs<T = Tally> {
     /// Vertices that stood where an earlier one stands and became one with it. Harmless: glTF and STL need them.

@@ -41,9 +41,9 @@ impl Pipeline {
 pub(super) fn text(path: &Path) -> Result<String, PipelineError> {
     let extension = path.extension().and_then(|extension| extension.to_str());
     let read = if path.is_dir() {
-        Err("it is a folder, which --input or `chladni watch` takes".into())
+        Err("it is a folder: a pipeline has it under [input]".into())
     } else if path.exists() && extension.and_then(Format::of_extension).is_some() {
-        Err("it is a mesh, which `chladni solve` or --input takes".into())
+        Err("it is a mesh: `chladni solve` takes one, and a pipeline has it under [input]".into())
     } else {
         std::fs::read_to_string(path).map_err(|error| error.to_string())
     };

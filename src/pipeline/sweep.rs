@@ -208,10 +208,7 @@ impl Sweep {
     ) -> Result<Self, PipelineError> {
         let Asked { assignments, effort, .. } = asked;
         let (mut own, mut besides) = file::options_and(name, text, &SECTIONS)?;
-        if effort == Effort::Quick && !besides.contains_key(QUICK) && !besides.contains_key(VARIANT)
-        {
-            return Err(PipelineError::NoRehearsal { path: name.into() });
-        }
+        let has_quick = besides.contains_key(QUICK);
         let quick = overlay(name, QUICK, besides.remove(QUICK))?;
         let variants: Vec<Variant> = match besides.remove(VARIANT) {
             None => Vec::new(),
@@ -223,6 +220,11 @@ impl Sweep {
         let variants = only(variants, asked.variants, name)?;
         let section = besides.remove(SWEEP).map_or(Ok(Section::default()), Value::try_into);
         let section: Section = section.map_err(|e| wrong(name, &format!("[sweep]: {e}")))?;
+        let own_seeds = variants.iter().filter_map(|variant| variant.seeds.as_ref());
+        let mut seeds = own_seeds.chain(&section.seeds);
+        if effort == Effort::Quick && !has_quick && seeds.all(|seeds| seeds.len() < 2) {
+            return Err(PipelineError::NoRehearsal { path: name.into() });
+        }
         let finished = |mut table: Table, seed: Option<u64>| {
             if effort == Effort::Quick {
                 let quick = read_by_its_recipe(quick.clone(), &table);

@@ -38,10 +38,39 @@ impl Overview {
             false => shape_dna::remove_files(out)?,
         }
         let file = out.join(page::FILE);
-        match self.page {
-            true => write(&file, page::run_page(report).as_bytes()),
-            false if page::is_ours(&file) => remove(&file),
-            false => Ok(()),
+        match (self.page, page::is_ours(&file)) {
+            (true, false) if file.exists() => {
+                tracing::warn!(
+                    "{} is somebody else's and stays; to have the page of all meshes there, move it away",
+                    file.display()
+                );
+                Ok(())
+            }
+            (true, _) => write(&file, page::run_page(report).as_bytes()),
+            (false, true) => remove(&file),
+            (false, false) => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_comes_and_goes_and_that_of_somebody_else_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join(page::FILE);
+        let report = RunReport::new(Vec::new(), 0.0);
+        let [with, without] = [true, false].map(|page| Overview { page, shape_dna: false });
+        with.write(folder.path(), &report).unwrap();
+        assert!(page::is_ours(&file));
+        without.write(folder.path(), &report).unwrap();
+        assert!(!file.exists());
+        std::fs::write(&file, "mine").unwrap();
+        for overview in [with, without] {
+            overview.write(folder.path(), &report).unwrap();
+            assert_eq!(std::fs::read(&file).unwrap(), b"mine");
         }
     }
 }

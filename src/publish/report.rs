@@ -59,6 +59,18 @@ pub struct StageRecord {
     pub seconds: f64,
 }
 
+impl StageRecord {
+    /// The stage that reads and mends a file.
+    pub const INGEST: &str = "ingest";
+    /// The stage that writes results.
+    pub const PUBLISH: &str = "publish";
+
+    /// Whether it computes something: reading a file and writing results has to be done every time.
+    pub fn computes(&self) -> bool {
+        ![Self::INGEST, Self::PUBLISH].contains(&&*self.stage)
+    }
+}
+
 /// A piece of work that has a place in the cache.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorkRecord {

@@ -77,11 +77,6 @@ impl RunStatus {
         )
     }
 
-    /// Whether nothing is left to do.
-    pub fn is_done(&self) -> bool {
-        self.waiting == 0 && self.under_way.is_empty()
-    }
-
     /// How fast it goes, and how long it will; `None` before that is known, and when nothing is left.
     pub fn rate(&self) -> Option<String> {
         let left =
@@ -118,7 +113,7 @@ pub fn duration(seconds: f64) -> String {
 pub enum RunState {
     /// It does.
     Running,
-    /// All meshes are done.
+    /// What there was to do is done.
     Finished,
     /// It was stopped, and kept what was finished.
     Interrupted,

@@ -72,7 +72,7 @@ const LAMBDA_MPGD: Column =
 const LAMBDA_FEM: Column =
     column("λ FEM", CellAlignment::Right, |report, scale| scale.lambda(report.pair.lambda_fem));
 const LAMBDA_AREA: Column = column("λ · area", CellAlignment::Right, |report, scale| {
-    let zero = scale.is_zero(report.pair.lambda);
+    let zero = report.pair.source == Source::Constant || scale.is_zero(report.pair.lambda);
     measured(report.pair.lambda_area, |value| if zero { "0".into() } else { six_digits(value) })
 });
 const ANGLE: Column =
@@ -188,8 +188,8 @@ fn columns(pairs: &[PairReport]) -> &'static [Column] {
     let refined = any(|pair| pair.lambda_refined.is_some());
     let compared = any(|pair| !pair.lambda_fem.is_nan());
     // Where all are constants nothing was learned either.
-    let solved = any(|pair| pair.source == Source::Fem)
-        || !any(|pair| pair.source != Source::Constant) && !any(|pair| pair.mpgd.is_some());
+    let constant = |report: &PairReport| report.pair.source == Source::Constant;
+    let solved = any(|pair| pair.source == Source::Fem) || compared && pairs.iter().all(constant);
     match (solved, refined, compared) {
         (true, ..) => &SOLVED,
         (_, true, true) => &REFINED,
@@ -220,7 +220,7 @@ pub fn completeness(counted: &Completeness) -> String {
     let verdict = if *complete { "complete" } else { "not complete" };
     let others = match count.saturating_sub(*found) {
         missing if *complete && *cut_cluster && missing > 0 => {
-            format!("; k = {found} cuts a cluster, of which {missing} more are there")
+            format!("; k = {found} cuts a cluster and leaves {missing} of it out")
         }
         _ => String::new(),
     };

@@ -102,8 +102,7 @@ pub enum Happened {
 impl Happened {
     /// What became of a mesh, `seconds` after it was saved.
     pub fn done(report: &MeshReport, seconds: f64) -> Self {
-        // Reading a file and writing results is no work of theirs.
-        let mut work = report.stages.iter().filter(|s| !["ingest", "publish"].contains(&&*s.stage));
+        let mut work = report.stages.iter().filter(|stage| stage.computes());
         let angles = report.eigenpairs.iter().map(|pair| pair.pair.angle_fem);
         Self::Done {
             path: report.path.clone(),

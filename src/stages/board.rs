@@ -175,8 +175,8 @@ impl Entries {
     }
 }
 
-/// Tells others how far the run of `context` is, again and again, until `ended`; by `stop` before its time. That they cannot be told
-/// costs a warning.
+/// Tells others how far the run of `context` is, again and again, until `ended`; `stop` is cancelled then where something is left to do.
+/// That they cannot be told costs a warning.
 pub async fn tell(context: Arc<Context>, ended: CancellationToken, stop: CancellationToken) {
     let out = &context.out;
     let file = match StatusFile::take(out) {

@@ -217,8 +217,8 @@ pub fn forward_work(
 pub fn apply(context: &Context, item: usize, assembled: Assembled) -> Result<Candidates, Failure> {
     let Assembled { loaded, operators, operators_digest } = assembled;
     let predicted = predict::predict(context, item, loaded)?;
-    for unlike in &predicted.unlike {
-        tracing::warn!(mesh = predicted.loaded.job.name, "{unlike}");
+    for doubt in predicted.doubts(context.pipeline.train.refine) {
+        tracing::warn!(mesh = predicted.loaded.job.name, "{doubt}");
     }
     Ok(predicted.with_operators(operators, operators_digest))
 }

@@ -67,6 +67,6 @@ pub fn ingest(context: &Context, job: Job) -> Result<Loaded, Failure> {
     }
     let hash = ingested.mesh.hash();
     let mut loaded = Loaded { job, ingested: Arc::new(ingested), hash, k, stages: Vec::new() };
-    loaded.spent("ingest", How::Computed, started.elapsed());
+    loaded.spent(StageRecord::INGEST, How::Computed, started.elapsed());
     Ok(loaded)
 }

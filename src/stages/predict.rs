@@ -19,6 +19,7 @@ use crate::ggnn::predict::{NetworkInput, predict_all};
 use crate::ggnn::{Block, Model};
 use crate::mesh::TriMesh;
 use crate::mesh::topology::component_labels;
+use crate::pipeline::Refine;
 use crate::spectrum::nullspace::free_nullspace;
 use crate::spectrum::pencil::{InnerProduct, inner};
 use crate::spectrum::{Dense, TrianglePencil};
@@ -64,7 +65,29 @@ pub struct Predicted {
     pub refinement: Option<Refinement>,
 }
 
+/// A predicted eigenvalue this much below the one before it is none of the mesh.
+const DESCENT: f64 = 0.9;
+
 impl Predicted {
+    /// What speaks against them, in words; of those that are refined the order of the predictions says nothing.
+    pub fn doubts(&self, refine: Refine) -> Vec<String> {
+        let mut doubts: Vec<String> = self.unlike.iter().map(ToString::to_string).collect();
+        if refine == Refine::None && self.descend() {
+            doubts.push(
+                "the predicted eigenvalues do not ascend: this is hardly another sampling of the shape that the model has learned; \
+                 train.refine = \"rayleigh-ritz\" (predict --refine) makes the best of its predictions"
+                    .into(),
+            );
+        }
+        doubts
+    }
+
+    fn descend(&self) -> bool {
+        let lambdas = self.pencil.rayleigh_quotients(&self.vectors);
+        let unknown = lambdas.get(self.known..).unwrap_or_default();
+        unknown.windows(2).any(|pair| pair[1] < DESCENT * pair[0])
+    }
+
     /// max |ΦᵀBΦ − I| of the predictions, or of what they were refined to.
     pub fn orthonormality(&self) -> f64 {
         let vectors = self.refinement.as_ref().map_or(&self.vectors, |r| &r.pairs.vectors);

@@ -161,7 +161,7 @@ fn write(
         Some(bytes) => drop(write_if_changed(&path, &bytes)?),
         None => remove(&path)?,
     }
-    loaded.spent("publish", How::Computed, started.elapsed());
+    loaded.spent(StageRecord::PUBLISH, How::Computed, started.elapsed());
     let record = RunRecord { work: context.ledger.take(item), ..record(loaded.stages) };
     let page = folder.join(PAGE);
     if context.pipeline.publish.report == Pages::Written {

@@ -42,7 +42,10 @@ pub fn findings(
     let mut found = mended(ingested);
     found.extend(branches(ingested, &defects));
     found.extend(winding(ingested, &defects, pieces));
-    found.push(thin(quality, ingested.mesh.area()));
+    found.push(match ingested.mesh.area() {
+        Area(area) if !area.is_normal() => beyond(area),
+        _ => thin(quality),
+    });
     found.retain(|finding| finding.count > 0);
     found
 }
@@ -150,18 +153,19 @@ fn winding(
     })
 }
 
-fn thin(quality: Option<&TriangleQuality>, Area(area): Area) -> Finding {
+fn beyond(area: f64) -> Finding {
+    Finding {
+        what: "mesh beyond double precision",
+        count: 1,
+        first: Vec::new(),
+        meaning: format!("its area is {area:e}; scale its coordinates"),
+        treatment: "kept, and the mesh fails where it is read for a run",
+        option: None,
+    }
+}
+
+fn thin(quality: Option<&TriangleQuality>) -> Finding {
     let (what, count, meaning, treatment) = match quality {
-        None if !area.is_normal() => {
-            return Finding {
-                what: "mesh beyond double precision",
-                count: 1,
-                first: Vec::new(),
-                meaning: format!("its area is {area:e}; scale its coordinates"),
-                treatment: "kept, and the mesh fails where it is read for a run",
-                option: None,
-            };
-        }
         Some(quality) => (
             "negative cotangent weight",
             quality.negative_weights,

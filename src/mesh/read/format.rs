@@ -201,6 +201,9 @@ mod tests {
         let message = |bytes: &[u8]| Format::of(bytes, None).unwrap_err().to_string();
         assert!(message(b"<?xml version=\"1.0\"?>\n<COLLADA/>").contains("an XML file"));
         assert!(message(b"\x1f\x8b\x08\0").contains("compressed by gzip"));
+        assert!(message(b"BZh91AY").contains("compressed by bzip2"));
+        assert!(message(b"\xfd7zXZ\0").contains("compressed by xz"));
+        assert!(message(b"PK\x03\x04\x14").contains("a ZIP archive"));
         assert!(message(b"").contains("empty"));
         let listed = "no mesh format that is read; \
             convert the mesh to OBJ, OFF, PLY, STL, VTK, VTP, glTF or GLB";

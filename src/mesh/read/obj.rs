@@ -28,15 +28,24 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
     let mut raw = RawMesh::new(SameVertex::Index);
     let mut vertices = 0_usize;
     let mut grouping = Grouping::default();
+    // The last line, where it is a face of too few corners.
+    let mut short = None;
     for line in lines(text) {
         let number = u32::try_from(line.number).map_err(|_| Fault::TooLarge)?;
-        match line.keyword() {
+        let keyword = line.keyword();
+        short = (keyword == b"f" && line.words().count() < 4).then_some(Place::Line(number));
+        match keyword {
             b"v" => vertices += 1,
             b"p" | b"l" | b"curv" | b"curv2" | b"surf" => grouping.left_out.push(number),
             b"o" => grouping.objects.begins(&line, number),
             b"g" => grouping.groups.begins(&line, number),
             _ => {}
         }
+    }
+    let is_open = !text.ends_with(b"\n") || text.trim_ascii_end().ends_with(b"\\");
+    if let Some(place) = short.filter(|_| is_open) {
+        let entries = "face".to_owned();
+        return Err(Failure::at(place, Fault::EndsEarly { entries, promised: None }));
     }
 
     let mut geometry = Geometry::new(lines(text), vertices);
@@ -47,10 +56,6 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
         Err(reason) => return Err(unparsable(geometry.at.as_ref(), reason)),
     };
 
-    if let Some(line) = cut_face(text) {
-        let entries = "face".to_owned();
-        return Err(Failure::at(place(&line), Fault::EndsEarly { entries, promised: None }));
-    }
     let mesh = mesh.unwrap_or_default();
     for (&position, &line) in mesh.positions.as_chunks().0.iter().zip(&geometry.positions) {
         raw.position(position, Place::Line(line))?;
@@ -62,15 +67,6 @@ pub fn read(text: &[u8]) -> Result<RawMesh, Failure> {
     }
     grouping.until(u32::MAX, &mut raw);
     Ok(raw)
-}
-
-/// The last line of the file, where it is a face without an end: fewer than three corners, and no end of the line.
-fn cut_face(text: &[u8]) -> Option<Line<'_>> {
-    let last = text.rsplit(|&b| b == b'\n').next().filter(|last| !last.is_empty())?;
-    let before = text.len() - last.len();
-    let line = lines(last).next().filter(|line| line.keyword() == b"f")?;
-    let number = text[..before].iter().filter(|&&b| b == b'\n').count() + 1;
-    (line.words().count() < 4).then_some(Line { number, ..line })
 }
 
 /// What stands beside geometry.

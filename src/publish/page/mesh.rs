@@ -257,7 +257,7 @@ fn table(pairs: &[Eigenpair]) -> Markup {
                 tbody {
                     @for pair in pairs {
                         tr {
-                            td { (pair.k) } td { (value(pair.lambda)) }
+                            td { (pair.k) } td { @if pair.source == Source::Constant { "0" } @else { (value(pair.lambda)) } }
                             @if refined { td { (pair.lambda_refined.map_or("–".into(), value)) } }
                             @if mpgd { td { (value(pair.lambda_mpgd)) } }
                             @if fem { td { (value(pair.lambda_fem)) } }

@@ -170,6 +170,26 @@ mod tests {
     }
 
     #[test]
+    fn where_a_mesh_is_and_its_unit_do_not_change_its_picture() {
+        let mesh = icosphere(3);
+        let picture = |unit: f64, away: f64| {
+            let place = |p: &[f64; 3]| p.map(|x| unit * x + away);
+            let vertices = mesh.vertices().iter().map(place).collect();
+            let moved = TriMesh::new(vertices, mesh.faces().to_vec()).unwrap();
+            Scene::of(&moved, View::of(&moved, Up::Y), SIZE).draw(&coordinate(&mesh, 0), 1.0)
+        };
+        let (here, there) = (picture(1.0, 0.0), picture(1.0, 1e7));
+        let off = here.pixels.iter().zip(&there.pixels).filter(|(a, b)| a != b).count();
+        assert!(off < SIZE, "{off} pixels at an edge");
+        for unit in [1e-60, 1e60] {
+            assert_eq!(picture(unit, 0.0).pixels.len(), here.pixels.len());
+            let scaled = picture(unit, 0.0);
+            let off = here.pixels.iter().zip(&scaled.pixels).filter(|(a, b)| a != b).count();
+            assert!(off < SIZE, "{off} pixels in units of {unit}");
+        }
+    }
+
+    #[test]
     fn a_row_is_as_wide_as_its_pictures_and_png_says_so() {
         let mesh = icosphere(1);
         let one = Scene::of(&mesh, View::of(&mesh, Up::Y), 20).draw(&coordinate(&mesh, 1), 1.0);

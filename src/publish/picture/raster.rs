@@ -8,8 +8,10 @@ pub struct Raster {
     size: usize,
     /// What is seen; `None` beside the mesh.
     pub samples: Vec<Option<Sample>>,
-    step: f32,
 }
+
+/// How far apart two depths in neighbouring pixels may be for one piece of surface, in pixels.
+const STEP: f32 = 12.0;
 
 /// A point of the surface.
 #[derive(Debug, Clone, Copy)]
@@ -66,7 +68,7 @@ impl Raster {
                 }
             }
         }
-        Self { size, samples, step: view.step(size) as f32 }
+        Self { size, samples }
     }
 
     /// The function with these values at the vertices; NaN beside the mesh.
@@ -80,7 +82,7 @@ impl Raster {
         let size = self.size;
         let crosses = |at: usize, other: usize| {
             let changes = (values[at] > 0.0) != (values[other] > 0.0);
-            let near = |a: Sample, b: Sample| (a.depth - b.depth).abs() < self.step;
+            let near = |a: Sample, b: Sample| (a.depth - b.depth).abs() < STEP;
             changes && self.samples[at].zip(self.samples[other]).is_some_and(|(a, b)| near(a, b))
         };
         let mut line = vec![false; size * size];

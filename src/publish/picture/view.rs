@@ -7,8 +7,8 @@ use crate::mesh::TriMesh;
 pub struct View {
     /// To the right, up, and towards the eye: orthonormal.
     axes: [[f64; 3]; 3],
-    /// In the middle of the picture, along the first two axes.
-    centre: [f64; 2],
+    /// What is in the middle of the picture, along the axes.
+    centre: [f64; 3],
     /// Half of what is in the picture, from side to side.
     reach: f64,
     /// Whether slopes show: not on a flat mesh.
@@ -51,8 +51,9 @@ impl View {
         let towards = unit(eye);
         let right = unit(cross(upwards, towards));
         let axes = [right, cross(towards, right), towards];
-        let ends = [extent(axes[0]), extent(axes[1])];
-        let reach = ends.map(width).into_iter().fold(0.0, f64::max) / 2.0 / (1.0 - 2.0 * MARGIN);
+        let ends = axes.map(extent);
+        let across = ends.map(width).into_iter().take(2).fold(0.0, f64::max);
+        let reach = across / 2.0 / (1.0 - 2.0 * MARGIN);
         let centre = ends.map(|(least, most)| (least + most) / 2.0);
         Self { axes, centre, reach: if reach > 0.0 { reach } else { 1.0 }, lit }
     }
@@ -84,22 +85,17 @@ impl View {
         dot(*p, self.axes[2])
     }
 
-    /// Where a point is in a picture of `size` pixels a side, from its upper left corner, and how near the eye.
+    /// Where a point is in a picture of `size` pixels a side, from its upper left corner, and how near the eye; all in pixels.
     pub(super) fn place(&self, p: &[f64; 3], size: usize) -> [f64; 3] {
         let scale = size as f64 / (2.0 * self.reach);
-        let [x, y] = [0, 1].map(|i| (dot(*p, self.axes[i]) - self.centre[i]) * scale);
+        let [x, y, z] = [0, 1, 2].map(|i| (dot(*p, self.axes[i]) - self.centre[i]) * scale);
         let middle = size as f64 / 2.0;
-        [middle + x, middle - y, self.depth(p)]
+        [middle + x, middle - y, z]
     }
 
     /// How bright a surface with this normal, of any length, is: 1 where it faces the eye.
     pub(super) fn light(&self, normal: [f64; 3]) -> f64 {
         if self.lit { 0.55 + 0.45 * dot(unit(normal), self.axes[2]).abs() } else { 1.0 }
-    }
-
-    /// How far apart two depths in neighbouring pixels may be for one piece of surface, at `size` pixels a side.
-    pub(super) fn step(&self, size: usize) -> f64 {
-        12.0 * 2.0 * self.reach / size as f64
     }
 }
 

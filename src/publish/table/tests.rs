@@ -140,7 +140,7 @@ fn completeness_in_words() {
     );
     assert_eq!(
         counted(Some(9), 8, true, true),
-        "complete: 9 eigenvalues below σ = 1.50000e-7, 8 found; k = 8 cuts a cluster, of which 1 more are there"
+        "complete: 9 eigenvalues below σ = 1.50000e-7, 8 found; k = 8 cuts a cluster and leaves 1 of it out"
     );
     assert_eq!(
         counted(None, 8, false, false),

@@ -222,9 +222,8 @@ impl House<'_> {
         self.remember_the_last_watch(removes);
         let cancel = self.watch.cancel.child_token();
         let context = Arc::new(self.context(pipeline, model, cancel.clone()));
-        let told = CancellationToken::new();
-        let teller =
-            tokio::spawn(board::tell(context.clone(), told.clone(), self.watch.cancel.clone()));
+        let (told, stop) = (CancellationToken::new(), self.watch.cancel.child_token());
+        let teller = tokio::spawn(board::tell(context.clone(), told.clone(), stop.clone()));
         let (line, entrance, mut outcomes) =
             Line::start(&context, self.watch.workers, self.watch.memory)?;
         if is_cut_otherwise {
@@ -316,6 +315,9 @@ impl House<'_> {
             self.settle(outcome, &context, &mut tasks);
         }
         line.end().await;
+        if next.is_err() {
+            stop.cancel();
+        }
         told.cancel();
         drop(teller.await);
         if self.silent.is_none() {
