@@ -646,7 +646,10 @@ fn shells_and_manual_readers_get_what_they_need_from_the_command_line_itself() {
     assert!(written.status.success(), "{}", text(&written));
     for name in ["chladni", "chladni-run", "chladni-model-export", "chladni-cache-gc"] {
         let page = std::fs::read_to_string(dir.path().join(format!("{name}.1"))).unwrap();
-        assert!(page.contains("SYNOPSIS"), "{name}: {page}");
+        for part in ["SYNOPSIS", ".SH \"EXAMPLES\"\n.nf\n  chladni ", ".SH \"EXIT STATUS\""] {
+            assert!(page.contains(part), "{name}: {part}: {page}");
+        }
+        assert!(page.contains(concat!("chladni ", env!("CARGO_PKG_VERSION"))), "{name}: {page}");
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Command;
+use clap::builder::Resettable;
 use clap_complete::Shell;
 use clap_mangen::Man as Page;
 
@@ -58,7 +59,44 @@ pub fn man(arguments: &Man, mut command: Command) -> Result<Exit, Refusal> {
 }
 
 fn page(command: &Command) -> Result<Vec<u8>, Refusal> {
+    let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    let command = command.clone().after_help(Resettable::Reset);
     let mut text = Vec::new();
-    Page::new(command.clone()).render(&mut text).map_err(Refusal::internal)?;
+    Page::new(command)
+        .source(concat!("chladni ", env!("CARGO_PKG_VERSION")))
+        .render(&mut text)
+        .map_err(Refusal::internal)?;
+    text.extend(help.split("\n\n").flat_map(|part| section(part).into_bytes()));
     Ok(text)
+}
+
+/// What stands below the options of a command, as a section whose lines stay as they are.
+fn section(part: &str) -> String {
+    let Some((title, lines)) = part.split_once(":\n") else { return String::new() };
+    let title = match title {
+        "Exit codes" => "EXIT STATUS".to_owned(),
+        other => other.to_uppercase(),
+    };
+    let line = |line: &str| {
+        let line = line.replace('\\', "\\e").replace('-', "\\-");
+        // A dot or a quote at the beginning would be a request.
+        let guard = if line.starts_with(['.', '\'']) { "\\&" } else { "" };
+        format!("{guard}{line}\n")
+    };
+    format!(".SH \"{title}\"\n.nf\n{}.fi\n", lines.lines().map(line).collect::<String>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_a_section_stay_as_they_are() {
+        let help = "Examples:\n  chladni info a.obj --format json\n.hidden \\ 'x'";
+        assert_eq!(
+            section(help),
+            ".SH \"EXAMPLES\"\n.nf\n  chladni info a.obj \\-\\-format json\n\\&.hidden \\e 'x'\n.fi\n"
+        );
+        assert!(section("Exit codes:\n  0    all well").starts_with(".SH \"EXIT STATUS\""));
+    }
 }
