@@ -601,7 +601,12 @@ fn seeds_and_their_mutations_are_meshes_or_errors() {
                     let (extension, remedy) = ("KHR_draco_mesh_compression", "without Draco");
                     assert!(error.contains(extension) && error.contains(remedy), "{error}");
                 }
-                (_, whole) => assert!(whole.is_ok() && name != "draco.gltf", "{whole:?}"),
+                // Found by fuzzing: four characters of padding.
+                ("padding.vtp", Err(_)) => {}
+                (_, whole) => {
+                    let refused = ["draco.gltf", "padding.vtp"].contains(&&*name);
+                    assert!(whole.is_ok() && !refused, "{whole:?}");
+                }
             }
             seeds += 1;
             let mut random = Random(name.bytes().fold(1, |n, b| n.rotate_left(5) ^ u64::from(b)));
