@@ -23,10 +23,14 @@ pub fn scan(folder: &Path, before: &Seen) -> Result<Seen, IntakeError> {
             // It is there, and cannot be looked at: as far as anybody knows it is what it was.
             Err(_) => return Some((job.source.clone(), before.get(&job.source)?.clone())),
         };
-        let stamp = match before.get(&job.source).filter(|before| before.is_same_file(&alone)) {
-            Some(before) if before.companions().next().is_none() => alone,
-            Some(before) => Stamp::of(&job.source, before.companions().cloned().collect()).ok()?,
-            None => Stamp::of(&job.source, companions(&job.source)).ok()?,
+        // As long as it is the same file it names the same others.
+        let others = match before.get(&job.source).filter(|before| before.is_same_file(&alone)) {
+            Some(before) => before.companions().cloned().collect(),
+            None => companions(&job.source),
+        };
+        let stamp = match others.is_empty() {
+            true => alone,
+            false => Stamp::of(&job.source, others).ok()?,
         };
         Some((job.source, stamp))
     };
