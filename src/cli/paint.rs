@@ -10,13 +10,12 @@ const RED: &str = "\x1b[31m";
 const PLAIN: &str = "\x1b[0m";
 
 /// How lines begin that have a colour as a whole.
-const BEGINNINGS: [(&str, &str); 7] = [
+const BEGINNINGS: [(&str, &str); 6] = [
     ("complete", GREEN),
     ("not complete", YELLOW),
     ("not known to be complete", YELLOW),
     ("unverified:", YELLOW),
     ("failed:", RED),
-    ("not verified", YELLOW),
     ("* ", YELLOW),
 ];
 

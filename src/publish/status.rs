@@ -73,7 +73,7 @@ impl RunStatus {
         let Self { meshes, verified, unverified, failed, .. } = self;
         let done = self.done();
         format!(
-            "{done} of {meshes} meshes done: {verified} verified, {unverified} not verified, {failed} failed"
+            "{done} of {meshes} meshes done: {verified} verified, {unverified} unverified, {failed} failed"
         )
     }
 
@@ -88,7 +88,7 @@ impl RunStatus {
     pub fn line(&self) -> String {
         let Self { meshes, unverified, failed, .. } = self;
         let done = format!("{} of {meshes} meshes done", self.done());
-        let but = [(unverified, "not verified"), (failed, "failed")];
+        let but = [(unverified, "unverified"), (failed, "failed")];
         let but = but.into_iter().filter(|(count, _)| **count > 0);
         let but = but.map(|(count, how)| format!("{count} {how}"));
         let under_way = self.under_way.iter().map(|mesh| format!("{}: {}", mesh.path, mesh.stage));

@@ -67,7 +67,7 @@ impl MeshPage<'_> {
             html! {
                 h1 { (name) " " (badge(spectrum.status.into())) }
                 (self.facts())
-                @if let Some(reason) = reason { p.warn { "Not verified: " (reason) "." } }
+                @if let Some(reason) = reason { p.warn { "Unverified: " (reason) "." } }
                 @if let Some(counted) = &spectrum.completeness { p { (sentence(&completeness(counted))) } }
                 @if let Some(repairs) = spectrum.repairs.in_words() { p { "Mended: " (repairs) "; " code { "chladni info" } " says where." } }
                 h2 { "How it came about" }
